@@ -17,7 +17,8 @@ rest             processor time per simulated second of a cube that is dropped o
 mujoco           processor time per simulated second of both drifts in the MuJoCo engine
 start            wall time of commands on drift_4750hz, each in a process of its own; of `run` with all its 12 seeds
 study            processor time of a sweep over drift_4750hz, each further seed
-compilation      processor time of the first 0.02 s of a drift and of separation_100 where nothing is compiled yet
+compilation      processor time of the first 0.02 s of a drift and of separation_100 in an empty cache; with
+                 FEEDER_SIM_COMPILE=1 of compiling what the package brings, too
 """
 
 from __future__ import annotations

@@ -161,7 +161,7 @@ class Ended:
                 self.out, self.err = process.communicate()
                 self.code = 999
         self.lines = [
-            line for line in self.err.splitlines() if "compiling the engine" not in line and "caution" not in line
+            line for line in self.err.splitlines() if "compiling the engine" not in line and "warning" not in line
         ]
 
     def problem(self, allowed: tuple[int, ...]) -> str:

@@ -36,7 +36,6 @@ STEPS = {
         "import feeder_sim.measures.catalogue, feeder_sim.scene.scene",
         "from feeder_sim.run import prepare",
     ),
-    "compiler: numba and LLVM": ("import numba",),
     "engine": ("from feeder_sim.run import run_folder", "import feeder_sim.engines.impulse.free_part.engine"),
     "parts and their poses": ("made = prepare.prepare(scenario)", "made.scene.poses"),
     "machine code": ("from feeder_sim.run.compilation import compile_engine", "compile_engine(made)"),

@@ -87,9 +87,9 @@ class InputError(FeederSimError):
         self, problem: str, *, file: str | Path | None = None, key: str | None = None, argument: str | None = None
     ) -> None:
         self.problem, self.file, self.key, self.argument = problem, file, key, argument
-        named = " ".join(shortened(name) for name in (argument, key) if name is not None)
-        where = ": ".join(str(part) for part in (file, named) if part)
-        super().__init__(f"{where}: {problem}" if where else problem)
+        names = " ".join(shortened(name) for name in (argument, key) if name is not None)
+        source = ": ".join(str(part) for part in (file, names) if part)
+        super().__init__(f"{source}: {problem}" if source else problem)
 
 
 class NotAllowed(InputError):
@@ -110,12 +110,12 @@ class Unknown(InputError):
 
     Args:
         name: as it was given.
-        known: the names there are.
+        existing: the names there are.
         where: file, key and argument, as for `InputError`.
     """
 
-    def __init__(self, name: object, known: Iterable[str], **where: Any) -> None:
-        names = list(known)
+    def __init__(self, name: object, existing: Iterable[str], **where: Any) -> None:
+        names = list(existing)
         hint = nearest(str(name), names)
         super().__init__(f"is {quoted(name)}{hint}, allowed are {', '.join(names) or 'none'}", **where)
 
@@ -159,8 +159,8 @@ class SimulationDiverged(FeederSimError):
     ) -> None:
         self.divergence, self.detail = divergence, detail
         self.time_s, self.part, self.seed, self.file = time_s, part, seed, file
-        kept = "frames up to that time are kept" + (f", last states in {file}" if file else "")
-        super().__init__(f"seed {seed}: {part} at {time_s:.6f} s: {self.cause}; {kept}")
+        saved = "frames up to that time are kept" + (f", last states in {file}" if file else "")
+        super().__init__(f"seed {seed}: {part} at {time_s:.6f} s: {self.cause}; {saved}")
 
     @property
     def cause(self) -> str:
@@ -169,15 +169,15 @@ class SimulationDiverged(FeederSimError):
 
     def kept_in(self, file: str) -> SimulationDiverged:
         """The same, with the last states in a file."""
-        return SimulationDiverged(**{**self._told, "file": file})
+        return SimulationDiverged(**{**self._arguments, "file": file})
 
     @property
-    def _told(self) -> dict[str, Any]:
+    def _arguments(self) -> dict[str, Any]:
         names = ("divergence", "time_s", "part", "seed", "detail", "file")
         return {name: getattr(self, name) for name in names}
 
     def __reduce__(self) -> tuple[Any, ...]:  # seeds travel between processes
-        return functools.partial(SimulationDiverged, **self._told), ()
+        return functools.partial(SimulationDiverged, **self._arguments), ()
 
 
 class RecordingFailed(FeederSimError):
@@ -242,13 +242,13 @@ def library_failure(error: BaseException) -> FeederSimError | None:
 
     None of any other error. The system's loader gives a text and no number.
     """
-    again = "install feeder_sim and the packages it needs again"
+    remedy = "install feeder_sim and the packages it needs again"
     if isinstance(error, ModuleNotFoundError):
         package = (error.name or "").partition(".")[0]
-        return None if package in ("", __package__) else FeederSimError(f"the package {package} is missing, {again}")
-    loading = isinstance(error, ImportError) and str(error.path).endswith(EXTENSIONS)
-    loading |= isinstance(error, OSError) and error.errno is None and LIBRARY.search(str(error)) is not None
-    return FeederSimError(f"a library is missing or damaged ({error}), {again}") if loading else None
+        return None if package in ("", __package__) else FeederSimError(f"the package {package} is missing, {remedy}")
+    is_load_failure = isinstance(error, ImportError) and str(error.path).endswith(EXTENSIONS)
+    is_load_failure |= isinstance(error, OSError) and error.errno is None and LIBRARY.search(str(error)) is not None
+    return FeederSimError(f"a library is missing or damaged ({error}), {remedy}") if is_load_failure else None
 
 
 def of_a_name(error: BaseException) -> bool:

@@ -7,6 +7,7 @@ makes room for whatever size a file claims.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -84,24 +85,26 @@ def _entries(file: Any, path: Path) -> Iterator[tuple[str, Any]]:
     import h5py
 
     count = 0
-    waiting = [("", file)]
-    while waiting:
-        above, group = waiting.pop()
-        for last in group:
-            name, count = f"{above}/{last}", count + 1
-            if not isinstance(group.get(last, getlink=True), h5py.HardLink):
+    stack = [("", file)]
+    while stack:
+        parent, group = stack.pop()
+        for member in group:
+            name, count = f"{parent}/{member}", count + 1
+            if not isinstance(group.get(member, getlink=True), h5py.HardLink):
                 raise InputError("is a link to somewhere else, allowed is data in the file itself", file=path, key=name)
-            entry = group[last]
+            entry = group[member]
             yield name, entry
             if isinstance(entry, h5py.Group):
                 if name.count("/") > DEEPEST or count > MOST_ENTRIES:  # it may contain itself
                     raise InputError(f"has too many groups, or deeper than {DEEPEST} levels as allowed", file=path)
-                waiting.append((name, entry))
+                stack.append((name, entry))
 
 
 def _memory() -> float:
-    """Memory of the machine [bytes]."""
+    """Memory of the machine [bytes]; unlimited where the system does not say."""
+    if sys.platform == "win32":
+        return float("inf")
     try:
         return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, ValueError, OSError):  # no such question on this system
+    except (ValueError, OSError):  # not known by this name
         return float("inf")

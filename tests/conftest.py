@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import itertools
 import os
-import re
 import threading
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
@@ -24,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.parts_engine import COLUMNS
 from feeder_sim.errors import InputError
-from feeder_sim.machine_code import entry_point
+from feeder_sim.machine_code.jit import callable_from_python
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scenario, Start, Strip
@@ -49,28 +48,29 @@ BALL_ON_SLIDE: dict[str, Any] = {  # which is simulated in no time
 }
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--room", help="Only unit tests of this room, the highest one that their file imports from.")
+def pytest_configure(config: pytest.Config) -> None:
+    for subject, table in subjects().items():
+        config.addinivalue_line("markers", f"{subject}: {table['about']}; see tests/subjects.toml")
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Tests that take minutes come first: at the end one of them would keep a single core at work."""
-    if room := config.getoption("--room"):
-        units = [item for item in items if item.path.parent.name == "unit"]
-        items[:] = [item for item in units if rooms_of(item.path)[:1] == [room]]
-        items[:] = items or [item for item in units if room in rooms_of(item.path)]  # no test is about it alone
-        if not items:
-            raise pytest.UsageError(f"--room is {room}, allowed are rooms of the package that unit tests import from")
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark quick tests by their subject; those that take minutes come first, not to keep a single core at work last."""
+    of_file = {
+        REPOSITORY / "tests" / folder / f"test_{name}.py": subject
+        for subject, table in subjects().items()
+        for folder, names in table.items()
+        if folder != "about"
+        for name in names
+    }
+    for item in items:
+        if item.path in of_file and item.get_closest_marker("slow") is None:
+            item.add_marker(of_file[item.path])
     items.sort(key=lambda item: not any(mark.kwargs.get("minutes") for mark in item.iter_markers("slow")))
 
 
 @functools.cache
-def rooms_of(file: Path) -> list[str]:
-    """The rooms of the package that a test imports from, the highest first; "cli" of those that only call commands."""
-    settings = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
-    layers = settings["tool"]["importlinter"]["contracts"][0]["layers"]
-    taken = set(re.findall(r"^from feeder_sim\.(\w+)", file.read_text(encoding="utf-8"), re.MULTILINE))
-    return [name.strip() for layer in layers for name in layer.split("|") if name.strip() in taken] or ["cli"]
+def subjects() -> dict[str, dict[str, Any]]:
+    return tomllib.loads((REPOSITORY / "tests/subjects.toml").read_text(encoding="utf-8"))
 
 
 @pytest.fixture
@@ -143,7 +143,7 @@ def ball_on_slide(**run: Any) -> Scenario:
 @functools.cache
 def from_python(function: Any) -> Any:
     """A function that is compiled for other compiled ones, to be called by a test."""
-    return entry_point(function.py_func)
+    return callable_from_python(function.py_func)
 
 
 def symmetric(matrix: NDArray[np.float64]) -> tuple[float, ...]:

@@ -101,11 +101,15 @@ def energy(scene: Scene, frames: Frames) -> Floats:
     return kinetic_energy(scene, frames) + weight * frames.position[..., 2]
 
 
-def growth(scene: Scene, frames: Frames) -> float:
-    """The most that all parts together gain after any earlier frame, as the height it would lift them by [m]."""
-    total = energy(scene, frames).sum(axis=1)
+def growth(scene: Scene, frames: Frames, there: NDArray[np.bool_] | None = None) -> float:
+    """The most that all parts together gain after any earlier frame, as the height it would lift them by [m].
+
+    there: parts that count, shape (parts,); all where it is not given.
+    """
+    counts = np.ones(len(scene.parts), np.bool_) if there is None else there
+    total = energy(scene, frames)[:, counts].sum(axis=1)
     gain = float((total - np.minimum.accumulate(total)).max())
-    return gain / (GRAVITY * sum(part.mass for part in scene.parts))
+    return gain / (GRAVITY * max(np.array([part.mass for part in scene.parts])[counts].sum(), 1e-12))
 
 
 def speeds_from_poses(frames: Frames) -> tuple[Floats, Floats]:

@@ -10,6 +10,7 @@ mixed    parts of 0.3 to 30 mm
 thin     needles of 0.1 mm and foils of 0.05 mm
 over     parts fall on two edges of a plate, at rest or driven: what tips over falls beside it, not under it
 shaken   parts on a piston or a tray that may be tilted, with or without a rim; none falls through it
+refill   a tray that throws parts for a moment and then stands: what lies apart is picked, others are poured in
 """
 
 from __future__ import annotations
@@ -22,11 +23,26 @@ from typing import Any
 import numpy as np
 from conftest import hull_distances
 from invariants import angular_momentum, counted, depth_under, energy, growth, momentum, recorded
-from judged_scenes import GAINED, MESHES, MODELS, SLOWEST, Finding, Rng, ball, corner_part, looked_at
+from judged_scenes import (
+    GAINED,
+    MESHES,
+    MODELS,
+    SLOWEST,
+    SLOWEST_STAGES,
+    STALL_AFTER,
+    Finding,
+    Rng,
+    ball,
+    corner_part,
+    looked_at,
+)
+from numpy.typing import ArrayLike
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.window import CALM
 from feeder_sim.errors import InputError
 from feeder_sim.records.trajectory import Frames
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import Scene, build_scene
@@ -35,6 +51,7 @@ Raw = dict[str, Any]
 KEPT = 1e-9  # of momenta, and of energy in flight
 INTO_EACH_OTHER, INTO_PLATE = 2e-6, 1e-7  # [m]
 HALF, THICK, UNDER = 90e-3, 3e-3, 2e-3  # [m] of the plate of `over`, and from its edge, where a part is under it
+CYCLES, SHAKEN, STANDING, STOPPING = 3, 0.1, 1.2, 0.6  # of `refill`; times [s]
 LAST = 0.02  # [s] in which what can rest does
 MOST_BOUNCING = 0.8  # restitution, from which on a heap does not rest in time
 SLIDES = ("ball", "cylinder")  # and rolls
@@ -54,6 +71,8 @@ def judged(kind: str, seed: int) -> Finding | None:
     raw = scene(kind, seed)
     if kind == "shaken":
         return looked_at(raw, f"{kind}_{seed}", _shaken_apart)
+    if kind == "refill":
+        return _refilled(raw, f"{kind}_{seed}.toml")
     try:
         scenario = validated(raw, Scenario, Path(f"{kind}_{seed}.toml"))
         recorded(scenario.changed({"run.duration_s": 2.0 / raw["run"]["frames_per_second"]}))  # compiled
@@ -79,8 +98,11 @@ def _part(rng: Rng) -> Raw:
 
 
 def _turn(rng: Rng) -> list[float]:
-    turn = rng.normal(size=4)
-    return [float(value) for value in turn / np.linalg.norm(turn)]
+    return _unit(rng.normal(size=4))
+
+
+def _unit(turn: ArrayLike) -> list[float]:
+    return [float(value) for value in np.asarray(turn) / np.linalg.norm(turn)]
 
 
 def _pair(rng: Rng) -> Raw:
@@ -109,11 +131,11 @@ def _poured(parts: list[Raw], rng: Rng, height: float = 16.0, apart: float = 14.
     return poured
 
 
-def _at_rest(parts: list[Raw], rim: bool = False) -> Raw:
-    """Without a step."""
-    size = 120.0 if rim else 800.0  # over whose edge none comes
+def _at_rest(parts: list[Raw], rim: bool = False, duration: float = 1.5) -> Raw:
+    """Without a step; duration [s]."""
+    size = 120.0 if rim else 4000.0  # over whose edge none comes
     plate = {"kind": "still", "length_mm": size, "width_mm": size, "rim": rim}
-    run = {"duration_s": 1.5, "seeds": 1, "frames_per_second": 500.0, "tolerance_nm": 10.0}
+    run = {"duration_s": duration, "seeds": 1, "frames_per_second": 500.0, "tolerance_nm": 10.0}
     return {"plate": plate, "part": parts, "run": run}
 
 
@@ -132,7 +154,7 @@ def _concave(rng: Rng) -> Raw:
     for _ in range(int(rng.integers(2, 9))):
         name = rng.choice(MESHES)
         parts.append({"shape": "mesh", "file": str(MODELS / f"{name}/{name}.stl"), "contact": "parts"})
-    return _at_rest(_poured(parts, rng), rim=bool(rng.random() < 0.3))
+    return _at_rest(_poured(parts, rng), rim=bool(rng.random() < 0.3), duration=2.5)  # screws roll for up to 1.9 s
 
 
 def _small(rng: Rng) -> Raw:
@@ -147,8 +169,11 @@ def _heavy(rng: Rng) -> Raw:
         angle = 2.0 * np.pi * i / count
         place = [float(6.0 * np.cos(angle)), float(6.0 * np.sin(angle)), 1.5]
         parts.append(_small(rng) | {"start": {"kind": "state", "position_mm": place, "quaternion": _turn(rng)}})
-    tilt = 0.02 * rng.normal(size=2)
-    start = {"kind": "state", "position_mm": [0.0, 0.0, 20.0], "quaternion": [1.0, float(tilt[0]), float(tilt[1]), 0.0]}
+    start = {
+        "kind": "state",
+        "position_mm": [0.0, 0.0, 20.0],
+        "quaternion": _unit([1.0, *(0.02 * rng.normal(size=2)), 0.0]),
+    }
     parts.append({"shape": "box", "size_mm": [30.0, 30.0, 15.0], "start": start})
     return _at_rest(parts)
 
@@ -198,6 +223,25 @@ def _shaken(rng: Rng) -> Raw:
     drive |= {"stroke_um": min(1e6 * acceleration, 1e4), "angle_deg": float(rng.uniform(5.0, 90.0))}
     height = 16.0 + 0.5 * size * abs(np.tan(np.radians(tilt)))
     return {"plate": plate, "part": _poured(parts, rng, height), "drive": [drive], "run": run}
+
+
+def _refill(rng: Rng) -> Raw:
+    count, hz = int(rng.integers(2, 9)), float(rng.uniform(30.0, 100.0))
+    drive = {
+        "frequency_hz": hz,
+        "stroke_um": 1e6 * float(rng.uniform(0.3, 2.0)) * GRAVITY / (2.0 * np.pi * hz) ** 2,
+        "angle_deg": float(rng.uniform(20.0, 90.0)),
+    }
+    stage = {"drive": [drive], "duration_s": SHAKEN, "pause_s": STANDING, "pick": {"clearance_mm": 2.0}}
+    poured = {"kind": "heap", "diameter_mm": 20.0, "drop_height_mm": 2.0}
+    kinds = [_part(rng) for _ in range(1 if rng.random() < 0.5 else 2)]
+    return {
+        "plate": {"kind": "tray", "length_mm": 160.0, "width_mm": 160.0, "rim": True},
+        "part": [part | {"count": count, "start": poured} for part in kinds],
+        "refill": {"to": count * len(kinds), "below": count * len(kinds), "start": poured},
+        "schedule": {"cycles": CYCLES, "stage": [stage]},
+        "run": {"seeds": 1, "frames_per_second": 500.0},
+    }
 
 
 def _over(rng: Rng) -> Raw:
@@ -255,16 +299,44 @@ def _shaken_apart(made: Scene, frames: Frames) -> list[str]:
     return _apart(made, frames[slice(0, None, 10)])
 
 
+def _refilled(raw: Raw, name: str) -> Finding | None:
+    """While the tray stands, parts that are there are neither in it nor in each other, and gain no energy.
+
+    But for what it swung by, at most, when they were laid to rest: they are taken up to that when it is driven again.
+    """
+    try:
+        result = simulate(validated(raw, Scenario, Path(name)), workers=1, stall_after=STALL_AFTER)
+    except InputError:
+        return None
+    made, seed, gains = result.scene, result.seeds[0], [0.0]
+    faults = [failure.cause for failure in result.failures]
+    for cycle in range(CYCLES):
+        end, time = (cycle + 1) * (SHAKEN + STANDING), seed.frames.time
+        standing = seed.frames[np.flatnonzero((time > end - STANDING + STOPPING) & (time < end - 0.5e-3))]
+        if len(standing) > 0:
+            there = np.asarray(standing.present.all(axis=0))
+            gains.append(growth(made, standing, there))
+            faults += _into_plate(made, standing, there, CALM[1]) + _gained(gains[-1], CALM[1])
+            faults += _apart(made, standing[slice(0, None, 10)])
+    wall_s = seed.wall_s / made.times.duration
+    if wall_s > SLOWEST_STAGES:
+        faults.append(f"takes {wall_s:.3g} s per simulated second")
+    return Finding(raw, tuple(faults), wall_s, seed.counts, max(gains))
+
+
+def _into_plate(made: Scene, frames: Frames, there: np.ndarray, most: float = INTO_PLATE) -> list[str]:
+    deepest = float(depth_under(made, frames)[:, there].max(initial=0.0))
+    return [f"a part is {1e6 * deepest:.3g} um in the plate"] if deepest > most else []
+
+
+def _gained(gain: float, most: float = GAINED) -> list[str]:
+    return [f"energy grows by {1e6 * gain:.3g} um m g"] if gain > most else []
+
+
 def _lies(raw: Raw, made: Scene, frames: Frames) -> list[str]:
-    faults = []
     half = 0.5e-3 * np.array([raw["plate"]["length_mm"], raw["plate"]["width_mm"]])
-    on_plate = (np.abs(frames.position[:, :, :2]) < half).all(axis=2).all(axis=0)
-    deepest = float(depth_under(made, frames)[:, on_plate].max(initial=0.0))
-    if deepest > INTO_PLATE:
-        faults.append(f"a part is {1e6 * deepest:.3g} um in the plate")
-    gain = growth(made, frames)
-    if gain > GAINED:
-        faults.append(f"energy grows by {1e6 * gain:.3g} um m g")
+    on_plate = np.asarray((np.abs(frames.position[:, :, :2]) < half).all(axis=2).all(axis=0))
+    faults = _into_plate(made, frames, on_plate) + _gained(growth(made, frames))
     late = frames[slice(-round(LAST / (frames.time[1] - frames.time[0])), None)]
     lossy = raw["contact"]["friction"] > 0.0 and raw["contact"]["restitution"] <= MOST_BOUNCING
     rests = lossy and not any(part["shape"] in SLIDES for part in raw["part"])
@@ -283,6 +355,7 @@ KINDS: dict[str, Callable[[Rng], Raw]] = {
     "thin": _thin,
     "over": _over,
     "shaken": _shaken,
+    "refill": _refill,
 }
 LAWS: dict[str, Callable[[Raw, Scene, Frames], list[str]]] = {"pair": _flies, "over": _falls_beside}
 

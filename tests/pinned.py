@@ -90,11 +90,11 @@ LOST = {
 
 # Carried over 75 mm: time [s], 29.2 to 37.8, and the stations at which the stages end [mm], +- 0.03 to 0.1. One
 # nut of the 48 hops in a periodic orbit for 18 s on its way, and takes 51 s; the others 31 to 38.
-_STRIP = "feeder-sim run scenarios/transport_strip.toml --seeds 48"
-ARRIVAL_TIME = Pinned(_STRIP, 33.50, 2.80, 48, seeds=8)
+_STRIP = "feeder-sim run scenarios/transport_strip.toml --seeds 256"
+ARRIVAL_TIME = Pinned(_STRIP, 33.13, 1.72, 256, seeds=8)
 STATIONS = [
-    Pinned(_STRIP, mean, sd, 48, seeds=8)
-    for mean, sd in ((-44.710, 0.016), (-35.899, 0.053), (-23.405, 0.038), (-14.645, 0.062), (-0.282, 0.052))
+    Pinned(_STRIP, mean, sd, 256, seeds=8)
+    for mean, sd in ((-44.697, 0.016), (-35.907, 0.057), (-23.403, 0.050), (-14.652, 0.065), (-0.263, 0.059))
 ]
 
 # Mean bounce interval [ms] of the ball, by frequency [Hz] and amplitude [um]: each is a mean over amplitudes nearby,

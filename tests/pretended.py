@@ -20,7 +20,7 @@ from feeder_sim.studies.question import Question
 class Pretended(Executor):
     """Runs tasks at once, with the measures that a function makes of a scenario and a seed; a text is why it failed.
 
-    After some seeds it asks to stop; at some of them it breaks. Above an amplitude [um] there is a caution.
+    After some seeds it asks to stop; at some of them it breaks. Above an amplitude [um] there is a warning.
     """
 
     def __init__(

@@ -9,13 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.api.progress import Progress, shown
+from feeder_sim.api.progress import Progress, progress_bar
 from feeder_sim.api.result import Result
 from feeder_sim.errors import check_whole, path_of_user
 from feeder_sim.measures.function import Function, as_measures
 from feeder_sim.measures.protocol import Measure
 from feeder_sim.run import batch, run_folder
-from feeder_sim.run.keep import AllFrames, Keep
+from feeder_sim.run.keep import AllFrames, Retention
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import run_ensemble
 from feeder_sim.run.watchdog import STALL_AFTER_S, checked_patience
@@ -40,14 +40,14 @@ def compare(first: str | Path, second: str | Path, *, progress: Progress = None)
         InputError: a run cannot be read, or a file that its scenario reads is missing or no longer the same.
     """
     paths = path_of_user(first, "first"), path_of_user(second, "second")
-    with shown(progress, "compare") as (show, _):
+    with progress_bar(progress, "compare") as (show, _):
 
-        def of_run(number: int, done: float) -> None:
+        def of_run(number: int, share: float) -> None:
             if show:
-                show(0.5 * (number + done))
+                show(0.5 * (number + share))
 
         runs = [
-            measured_run(path, lambda done, number=number: of_run(number, done))  # type: ignore[misc]
+            measured_run(path, lambda share, number=number: of_run(number, share))  # type: ignore[misc]
             for number, path in enumerate(paths)
         ]
     return Comparison(*runs)
@@ -59,7 +59,7 @@ def simulate(
     workers: int | None = None,
     progress: Progress = None,
     stop: threading.Event | None = None,
-    record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
+    record: Retention = AllFrames(),  # noqa: B008, it cannot be changed
     stall_after: float = STALL_AFTER_S,
     executor: Executor | None = None,
     measures: Iterable[Function | Measure[Any, Any]] = (),
@@ -91,9 +91,9 @@ def simulate(
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     prepared = replace(prepared, measures=as_measures(measures)) if measures else prepared
     how: dict[str, Any] = {"record": record, "stall_after": checked_patience(stall_after), "executor": executor}
-    with shown(progress, prepared.scenario.title) as (show, notify):
-        found = run_ensemble(prepared, workers=workers, progress=show, stop=stop, notify=notify, **how)
-    return Result.of(found)
+    with progress_bar(progress, prepared.scenario.title) as (show, notify):
+        result = run_ensemble(prepared, workers=workers, progress=show, stop=stop, notify=notify, **how)
+    return Result.of(result)
 
 
 def record_run(
@@ -104,7 +104,7 @@ def record_run(
     progress: Progress = None,
     stop: threading.Event | None = None,
     replay: bool = True,
-    record: Keep = AllFrames(),  # noqa: B008
+    record: Retention = AllFrames(),  # noqa: B008
     stall_after: float = STALL_AFTER_S,
     executor: Executor | None = None,
 ) -> Result:
@@ -134,9 +134,9 @@ def record_run(
         check_whole(workers, "workers")
     how: dict[str, Any] = {"record": record, "replay": replay, "stall_after": checked_patience(stall_after)}
     how |= {"workers": workers, "executor": executor}
-    with shown(progress, scenario.title) as (show, notify):
-        found = run_folder.record_run(scenario, path, progress=show, stop=stop, notify=notify, **how)
-    return Result.of(found)
+    with progress_bar(progress, scenario.title) as (show, notify):
+        result = run_folder.record_run(scenario, path, progress=show, stop=stop, notify=notify, **how)
+    return Result.of(result)
 
 
 def measure_drift(

@@ -62,8 +62,8 @@ class OpenedRun(Result):
 
     def __init__(self, recording: Recording) -> None:
         stored = _stored(recording.path.parent / SUMMARY)
-        held = {"recording": recording, "seeds": recording.begun, "wall_s": recording.wall_s, "stored_summary": stored}
-        for name, value in held.items():
+        state = {"recording": recording, "seeds": recording.begun, "wall_s": recording.wall_s, "stored_summary": stored}
+        for name, value in state.items():
             object.__setattr__(self, name, value)  # it is frozen
 
     @cached_property
@@ -128,6 +128,6 @@ class OpenedRun(Result):
 def _stored(path: Path) -> dict[str, Any] | None:
     """A summary that was stored; None without a readable one."""
     with contextlib.suppress(OSError, ValueError, RecursionError):
-        held = json.loads(path.read_text(encoding="utf-8"))
-        return held if isinstance(held, dict) else None
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        return summary if isinstance(summary, dict) else None
     return None

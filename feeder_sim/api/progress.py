@@ -13,11 +13,11 @@ Show = Callable[[float], None]
 Notify = Callable[[str], None]
 Progress = Show | bool | None
 CELLS, LONGEST_TITLE = 24, 40
-SHOWN_S = 0.2  # [s] between two looks of the bar
+REDRAW_S = 0.2  # [s] between two looks of the bar
 
 
 @contextlib.contextmanager
-def shown(progress: Progress, title: str) -> Iterator[tuple[Show | None, Notify | None]]:
+def progress_bar(progress: Progress, title: str) -> Iterator[tuple[Show | None, Notify | None]]:
     """What a run is to call with the fraction done, and with what takes long; nothing where nobody wants to know."""
     if progress and progress is not True and not callable(progress):
         raise NotAllowed(progress, "True, or a function of the fraction done", key="progress")
@@ -39,14 +39,14 @@ class _Bar:
 
     def show(self, fraction: float) -> None:
         now = time.monotonic()
-        if fraction < 1.0 and now - self._written < SHOWN_S:
+        if fraction < 1.0 and now - self._written < REDRAW_S:
             return
         self._written, self._fraction = now, fraction
         self._computing = self._computing or now
-        done, spent = round(CELLS * fraction), now - self._computing
-        left = f", {spent * (1.0 - fraction) / fraction:.0f} s left" if 0.02 < fraction < 1.0 else ""
-        self._bar = f"{self._title} {'#' * done}{'.' * (CELLS - done)} {100.0 * fraction:3.0f} %"
-        self._write(self._bar + left)
+        filled, spent = round(CELLS * fraction), now - self._computing
+        remaining = f", {spent * (1.0 - fraction) / fraction:.0f} s left" if 0.02 < fraction < 1.0 else ""
+        self._bar = f"{self._title} {'#' * filled}{'.' * (CELLS - filled)} {100.0 * fraction:3.0f} %"
+        self._write(self._bar + remaining)
 
     def notify(self, line: str) -> None:
         self._write(f"{self._title}: {line}")

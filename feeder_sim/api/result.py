@@ -57,8 +57,8 @@ class Plots:
         if cell is None:
             raise InputError("has no transport to draw: one free part in a cell of a mode, no schedule", key="drift")
         pairs = zip(self._frames(None), self._result.seeds, strict=True)
-        shown = [(frames, seed.status == Status.DONE) for frames, seed in pairs if len(frames) > 1]
-        return draw_ways(axes_for(ax), [frames for frames, _ in shown], cell.way, counted=[done for _, done in shown])
+        drawn = [(frames, seed.status == Status.DONE) for frames, seed in pairs if len(frames) > 1]
+        return draw_ways(axes_for(ax), [frames for frames, _ in drawn], cell.way, counted=[ended for _, ended in drawn])
 
     def separation(self, *, ax: Axes | None = None) -> Axes:
         """How many parts are on the plate, on nodal lines and isolated at the end of every stage, mean and SE.
@@ -74,14 +74,14 @@ class Plots:
         Raises:
             InputError: the part is in no guide.
         """
-        found, read = self._result.bounces, SeedReader(Bounces(), self._result.prepared)
+        findings, read = self._result.bounces, SeedReader(Bounces(), self._result.prepared)
         readings = [reading for seed in self._result.seeds if (reading := read(seed)) is not None]
-        return draw_intervals(axes_for(ax), [seed.flights.interval for seed in readings], found)
+        return draw_intervals(axes_for(ax), [seed.flights.interval for seed in readings], findings)
 
     def _frames(self, seeds: Iterable[int] | None) -> list[Frames]:
-        from feeder_sim.api.tables import kept_frames
+        from feeder_sim.api.tables import saved_frames
 
-        frames = kept_frames(self._result)
+        frames = saved_frames(self._result)
         if seeds is None:
             return frames
         for seed in seeds:
@@ -106,9 +106,9 @@ class Result(simulation.Result):
     """
 
     @staticmethod
-    def of(found: simulation.Result) -> Result:
+    def of(result: simulation.Result) -> Result:
         """The same result, as a user holds it."""
-        return Result(found.prepared, found.seeds, found.wall_s)
+        return Result(result.prepared, result.seeds, result.wall_s)
 
     @property
     def plot(self) -> Plots:
@@ -161,7 +161,7 @@ class Result(simulation.Result):
 
     def _repr_html_(self) -> str:
         try:
-            lines = [*self.lines(), *(f"caution: {caution}" for caution in self.cautions)]
+            lines = [*self.lines(), *(f"warning: {warning}" for warning in self.warnings)]
         except FeederSimError as error:
             lines = [str(error)]
         return block(repr(self)[1:-1], lines)

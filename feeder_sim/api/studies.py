@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, cast
 
-from feeder_sim.api.progress import Progress, shown
+from feeder_sim.api.progress import Progress, progress_bar
 from feeder_sim.errors import check_type, check_whole, path_of_user
 from feeder_sim.jobs.workers import given_workers, local_workers
 from feeder_sim.measures.function import Function, as_measures
@@ -74,7 +74,7 @@ def sweep(
     effort: dict[str, Any] = {"seeds": seeds, "until_se": until_se, "most_seeds": most_seeds, "inputs": inputs}
     check_scenario(scenario)
     question = SweepQuestion.of(vary=axis_texts(vary), zip=zip, sobol=sobol, measure=measure, **effort)
-    return cast("Sweep", _asked(question, scenario, workers, executor, out, progress, stop, measures))
+    return cast("Sweep", _study_of(question, scenario, workers, executor, out, progress, stop, measures))
 
 
 def uncertainty(
@@ -115,7 +115,7 @@ def uncertainty(
     """
     check_scenario(scenario)
     question = UncertaintyQuestion.of(inputs=inputs, seeds=seeds, indices=indices, measure=measure)
-    return cast("Uncertainty", _asked(question, scenario, workers, executor, out, progress, stop, measures))
+    return cast("Uncertainty", _study_of(question, scenario, workers, executor, out, progress, stop, measures))
 
 
 def optimise(
@@ -174,7 +174,7 @@ def optimise(
     screened = path_of_user(screen, "screen") if screen is not None else None
     effort: dict[str, Any] = {"trials": trials, "budget_s": budget_s, "screen": screened, "recipes": recipes}
     question = OptimiseQuestion.of(over=axis_texts(over), sampler=sampler, **aims, **effort)
-    return cast("Search", _asked(question, scenario, workers, executor, out, progress, stop, measures))
+    return cast("Search", _study_of(question, scenario, workers, executor, out, progress, stop, measures))
 
 
 def speed_map(
@@ -212,7 +212,7 @@ def speed_map(
     check_scenario(scenario)
     texts = axis_texts({"frequencies_hz": frequencies_hz, "amplitudes_um": amplitudes_um})
     question = MapQuestion.of(**dict(text.split("=", 1) for text in texts), seeds=seeds)
-    return cast("SpeedMap", _asked(question, scenario, workers, executor, out, progress, stop))
+    return cast("SpeedMap", _study_of(question, scenario, workers, executor, out, progress, stop))
 
 
 def chart(
@@ -253,10 +253,10 @@ def chart(
     check_scenario(scenario)
     methods = None if method is None else [method] if isinstance(method, str) else list(method)
     question = ChartQuestion.of(measure=measure, method=methods, seeds=seeds, within=within, known=known)
-    return cast("Chart", _asked(question, scenario, workers, executor, out, progress, stop))
+    return cast("Chart", _study_of(question, scenario, workers, executor, out, progress, stop))
 
 
-def _asked(
+def _study_of(
     question: Question,
     scenario: Scenario,
     workers: int | None,
@@ -269,7 +269,7 @@ def _asked(
     if workers is not None:
         check_whole(workers, "workers")
     folder = folder_of(question, scenario, path_of_user(out, "out")) if out is not None else None
-    found = given_workers(executor, workers) if executor else local_workers(workers)
-    with shown(progress, scenario.title or question.kind) as (show, notify):
-        own = as_measures(measures)
-        return ask(question, scenario, found, folder, stop=stop, progress=show, notify=notify, measures=own)
+    pool = given_workers(executor, workers) if executor else local_workers(workers)
+    with progress_bar(progress, scenario.title or question.kind) as (show, notify):
+        added = as_measures(measures)
+        return ask(question, scenario, pool, folder, stop=stop, progress=show, notify=notify, measures=added)

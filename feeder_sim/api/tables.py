@@ -34,16 +34,16 @@ LONG_NAMES = {
 def dataset_of(result: Result) -> xarray.Dataset:
     """See `Result.to_xarray`."""
     xarray = library("xarray")
-    seeds = kept_frames(result)
+    seeds = saved_frames(result)
     longest = max(seeds, key=len)
     shape = (len(seeds), len(longest), len(result.part_names))
-    present = np.zeros(shape, bool)
+    in_scene = np.zeros(shape, bool)
     for index, frames in enumerate(seeds):
         if np.abs(frames.time - longest.time[: len(frames)]).max(initial=0.0) > SAME_TIME:
             raise ValueError("the seeds were not recorded at the same times")  # the engines keep to one clock
-        present[index, : len(frames)] = frames.present
+        in_scene[index, : len(frames)] = frames.present
     variables: dict[str, Any] = {
-        "present": (("seed", "time", "part"), present, {"long_name": "whether the part is in the scene"})
+        "present": (("seed", "time", "part"), in_scene, {"long_name": "whether the part is in the scene"})
     }
     for name, long_name in LONG_NAMES.items():
         unit, _, (size,) = FRAME_FIELDS[name]
@@ -73,7 +73,7 @@ FRAME_COLUMNS = {
 }
 
 
-def kept_frames(result: Result) -> list[Any]:
+def saved_frames(result: Result) -> list[Any]:
     """The frames of every seed.
 
     Raises:
@@ -109,7 +109,7 @@ def _measures(result: Result) -> dict[str, Any]:
 
 
 def _frames(result: Result) -> dict[str, Any]:
-    seeds, names, kinds = kept_frames(result), np.array(result.part_names), np.array(result.part_kinds)
+    seeds, names, kinds = saved_frames(result), np.array(result.part_names), np.array(result.part_kinds)
     lengths, n_parts = [len(frames) for frames in seeds], len(names)
     columns: dict[str, Any] = {
         "seed": np.repeat(np.arange(len(seeds)), [n * n_parts for n in lengths]),

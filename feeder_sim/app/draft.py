@@ -32,7 +32,7 @@ class Draft:
         self.text, self.file, self.saved = text, file, text
         self.before: list[str] = []
         self.after: list[str] = []
-        self._read: tuple[str, dict[str, Any]] = "", {}  # the document of a text: every field asks for it
+        self._parsed: tuple[str, dict[str, Any]] = "", {}  # the document of a text: every field asks for it
 
     def write(self, text: str) -> None:
         """Put another text in its place."""
@@ -69,12 +69,12 @@ class Draft:
             FeederSimError: somebody else has, or the file cannot be read or written.
         """
         try:
-            held = read_text(self.file)
+            file_text = read_text(self.file)
         except InputError as error:
             if not isinstance(error.__cause__, FileNotFoundError):
                 raise
-            held = self.saved
-        if held not in (self.text, self.saved):
+            file_text = self.saved
+        if file_text not in (self.text, self.saved):
             raise InputError("was changed by somebody else; download the text instead", file=self.file)
         write_whole(self.file, self.text.encode())
         self.saved = self.text
@@ -120,12 +120,12 @@ class Draft:
 
     def _document(self) -> dict[str, Any]:
         """The document as it is written; an empty one where the text is no TOML."""
-        if self._read[0] != self.text:
+        if self._parsed[0] != self.text:
             document: dict[str, Any] = {}
             with contextlib.suppress(InputError):
                 document = document_in(self.text, self.file)
-            self._read = self.text, document
-        return self._read[1]
+            self._parsed = self.text, document
+        return self._parsed[1]
 
     def change(self, key: str, value: Any) -> None:
         """Write a value at a key; None takes it out.
@@ -138,11 +138,11 @@ class Draft:
                 if isinstance(last, int) or last in table:
                     del table[last]
             elif isinstance(last, str) and last in table and isinstance(table[last], list) and isinstance(value, list):
-                held = table[last]
-                for i, entry in enumerate(value[: len(held)]):
-                    if held[i] != entry:
-                        held[i] = entry
-                if len(value) != len(held):
+                array = table[last]
+                for i, entry in enumerate(value[: len(array)]):
+                    if array[i] != entry:
+                        array[i] = entry
+                if len(value) != len(array):
                     table[last] = value
             else:
                 table[last] = value

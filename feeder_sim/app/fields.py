@@ -23,7 +23,7 @@ class Fields:
 
     def __init__(self, page: Page) -> None:
         self.page = page
-        self.held: dict[str, Any] = {}
+        self.inputs: dict[str, Any] = {}
 
     def number(self, key: str, default: float | None = None) -> None:
         """A number of the draft, if it has one there or a default is said."""
@@ -33,12 +33,12 @@ class Fields:
         name, unit = worded(key)
         field = ui.number(name, value=draft.number(key, default), format="%.6g").classes("w-24")
         field.props("dense" + (f" suffix={unit}" if unit else "") + f' data-key="{key}"')
-        self.held[key] = field
+        self.inputs[key] = field
 
         async def leave() -> None:
-            held, value = draft.number(key, default), field.value
-            if value is not None and value != held:
-                new = int(value) if isinstance(held, int) and float(value).is_integer() else float(value)
+            current, value = draft.number(key, default), field.value
+            if value is not None and value != current:
+                new = int(value) if isinstance(current, int) and float(value).is_integer() else float(value)
                 await self.page.step(lambda: draft.change(key, new))
 
         field.on("blur", leave).on("keydown.enter", leave)
@@ -59,7 +59,7 @@ class Fields:
                 await self.page.step(lambda: draft.change(key, event.value))
 
         field = ui.select(sorted({*options, value}), value=value, label=worded(key)[0], on_change=chosen)
-        self.held[key] = field.props("dense").classes("w-32")
+        self.inputs[key] = field.props("dense").classes("w-32")
 
     def remover(self, key: str) -> None:
         """A button that takes a table out."""
@@ -73,7 +73,7 @@ class Fields:
     def update(self) -> None:
         """Show the values of the draft, and what is wrong with one."""
         problem = self.page.problem
-        for key, field in self.held.items():
+        for key, field in self.inputs.items():
             value = self.page.draft.value(key)
             if value is not None and field.value != value:
                 field.value = value

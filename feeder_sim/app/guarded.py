@@ -36,11 +36,11 @@ class Guarded:
             await self.app(scope, receive, send)
             return
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-        asked = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
-        problem = self._problem(scope, headers, asked)
+        query_token = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+        problem = self._problem(scope, headers, query_token)
         if problem:
             await _refused(scope, send, *problem)
-        elif asked and scope["type"] == "http":
+        elif query_token and scope["type"] == "http":
             cookie = f"{self.cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/"
             begin = {"type": "http.response.start", "status": 303}
             await send(begin | {"headers": [(b"location", b"/"), (b"set-cookie", cookie.encode())]})
@@ -48,14 +48,14 @@ class Guarded:
         else:
             await self.app(scope, receive, send)
 
-    def _problem(self, scope: Scope, headers: dict[str, str], asked: str) -> tuple[int, str] | None:
+    def _problem(self, scope: Scope, headers: dict[str, str], query_token: str) -> tuple[int, str] | None:
         """Status and reason of a request that is refused."""
         if headers.get("host") not in self.hosts:
             return 421, f"the host is {quoted(headers.get('host', ''))}, {ALLOWED}"
         origin = headers.get("origin")
         if origin not in (None, *(f"http://{host}" for host in self.hosts)):
             return 403, f"the page comes from {quoted(origin)}, allowed is this server"
-        if not secrets.compare_digest((asked or self._token_in(headers)).encode(), self.token.encode()):
+        if not secrets.compare_digest((query_token or self._token_in(headers)).encode(), self.token.encode()):
             return 403, f"the token is missing or wrong, {ALLOWED}"
         if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD"):
             length = headers.get("content-length", "")
@@ -65,10 +65,10 @@ class Guarded:
 
     def _token_in(self, headers: dict[str, str]) -> str:
         try:
-            held = SimpleCookie(headers.get("cookie", ""))
+            cookies = SimpleCookie(headers.get("cookie", ""))
         except CookieError:
             return ""
-        return held[self.cookie].value if self.cookie in held else ""
+        return cookies[self.cookie].value if self.cookie in cookies else ""
 
 
 async def _refused(scope: Scope, send: Send, status: int, reason: str) -> None:

@@ -41,9 +41,9 @@ class ModesPanel:
     def drive(self, frequency: float, names: Sequence[str]) -> dict[str, Any]:
         """A drive of these patches at this frequency, as the draft has it."""
         motion = self.page.motion
-        if motion is None or not motion.held.actuators:
+        if motion is None or not motion.mode_file.actuators:
             return {"frequency_hz": round(frequency, 2), "amplitude_um": 1.0}
-        named = {"actuator": list(names)} if len(motion.held.actuators) > 1 else {}
+        named = {"actuator": list(names)} if len(motion.mode_file.actuators) > 1 else {}
         return {"frequency_hz": round(frequency, 2), "voltage_vpp": self.volts} | named
 
     def begin(self, scenario: Scenario) -> None:
@@ -52,17 +52,17 @@ class ModesPanel:
         if not self.frequency and drives:
             self.frequency, self.volts = drives[0].frequency_hz, drives[0].voltage_vpp or VOLTS
         if self.page.motion is not None:
-            self.frequency = self.frequency or float(self.page.motion.every.natural_frequency[0])
-            known = [actuator.name for actuator in self.page.motion.held.actuators]
-            self.names = [name for name in self.names if name in known] or known
+            self.frequency = self.frequency or float(self.page.motion.oscillators.natural_frequency[0])
+            patch_names = [actuator.name for actuator in self.page.motion.mode_file.actuators]
+            self.names = [name for name in self.names if name in patch_names] or patch_names
         self.table.refresh()
 
     def best_pair(self) -> ModePair | None:
         """The modes that gather parts and throw them apart best."""
         motion = self.page.motion
-        if motion is None or not motion.held.actuators:
+        if motion is None or not motion.mode_file.actuators:
             return None
-        return next(iter(mode_pairs(motion.held, 0.5 * self.volts)), None)
+        return next(iter(mode_pairs(motion.mode_file, 0.5 * self.volts)), None)
 
     @ui.refreshable_method
     def table(self) -> None:
@@ -74,19 +74,19 @@ class ModesPanel:
         rows = self._rows()
         low, high = math.floor(0.9 * rows[0]["frequency"]), math.ceil(1.02 * rows[-1]["frequency"])
         with ui.row().classes("w-full items-end"):
-            shown = round(self.frequency, 1)
-            self.tuned = ui.number("frequency", value=shown, on_change=lambda event: self.tune(event.value))
+            frequency = round(self.frequency, 1)
+            self.tuned = ui.number("frequency", value=frequency, on_change=lambda event: self.tune(event.value))
             self.tuned.props('dense suffix=Hz data-key="frequency"').classes("w-28")
             volts = ui.number("voltage", value=self.volts, on_change=lambda event: self.tune(None, event.value))
             volts.props('dense suffix=Vpp data-key="volts"').classes("w-28")
-            if len(motion.held.actuators) > 1:
-                known = [actuator.name for actuator in motion.held.actuators]
-                ui.select(known, value=self.names, multiple=True, label="by", on_change=self.name).props("dense")
-            ui.button("Drive with this", on_click=self.take_over).props("dense no-caps")
+            if len(motion.mode_file.actuators) > 1:
+                patch_names = [actuator.name for actuator in motion.mode_file.actuators]
+                ui.select(patch_names, value=self.names, multiple=True, label="by", on_change=self.name).props("dense")
+            ui.button("Drive with this", on_click=self.write_drive).props("dense no-caps")
         at = min(max(self.frequency, low), high)
         self.slider = ui.slider(min=low, max=high, step=0.1, value=at, on_change=lambda event: self.tune(event.value))
         self.slider.props('aria-label="frequency"')
-        if motion.held.actuators:
+        if motion.mode_file.actuators:
             self.chart = ui.echart(self._response(low, high)).classes("w-full h-48")
             self.chart.on_point_click(lambda event: self.tune(event.data[0]))
         columns = [
@@ -100,12 +100,12 @@ class ModesPanel:
     def _rows(self) -> list[dict[str, Any]]:
         motion = self.page.motion
         assert motion is not None
-        frequencies = motion.every.natural_frequency.round(1).tolist()
+        frequencies = motion.oscillators.natural_frequency.round(1).tolist()
         rows: list[dict[str, Any]] = [{"mode": j + 1, "frequency": f} for j, f in enumerate(frequencies)]
-        if motion.held.actuators:
+        if motion.mode_file.actuators:
             pair = self.best_pair()
             purpose = {pair.gather.mode: "gathers", pair.throw.mode: "throws apart"} if pair else {}
-            for mode in rank_modes(motion.held, 0.5 * self.volts, None):
+            for mode in rank_modes(motion.mode_file, 0.5 * self.volts, None):
                 rows[mode.mode] |= {"amplitude": round(1e6 * mode.antinode, 2), "hop": round(1e3 * mode.hop_height, 2)}
                 rows[mode.mode] |= {"by": mode.actuator, "purpose": purpose.get(mode.mode, "")}
         return rows
@@ -114,9 +114,9 @@ class ModesPanel:
         """The largest amplitude over the frequency, as a chart."""
         motion = self.page.motion
         assert motion is not None
-        found = frequency_response(motion.held, motion.voltages(self.volts, self.names), low=low, high=high)
-        rows = np.unique(np.linspace(0, len(found.frequency) - 1, SWEEP_POINTS).astype(int))
-        points = np.column_stack([found.frequency[rows].round(2), 1e6 * found.amplitude[rows]]).tolist()
+        response = frequency_response(motion.mode_file, motion.voltages(self.volts, self.names), low=low, high=high)
+        rows = np.unique(np.linspace(0, len(response.frequency) - 1, SWEEP_POINTS).astype(int))
+        points = np.column_stack([response.frequency[rows].round(2), 1e6 * response.amplitude[rows]]).tolist()
         across = {"type": "value", "name": "Hz", "min": low, "max": high, "nameLocation": "middle", "nameGap": 22}
         return {
             "animation": False,
@@ -144,12 +144,12 @@ class ModesPanel:
         if frequency and frequency > 0.0 and round(frequency, 1) != round(self.frequency, 1):
             self.frequency = float(frequency)
             self.tuned.value = self.slider.value = round(self.frequency, 1)
-            if self.page.motion is not None and self.page.motion.held.actuators:
+            if self.page.motion is not None and self.page.motion.mode_file.actuators:
                 self.chart.options["series"][0]["markLine"] = self._cursor()
                 self.chart.update()
         self.show()
 
-    async def take_over(self) -> None:
+    async def write_drive(self) -> None:
         """Write frequency and voltage into the drive, or into that of the stage that is chosen."""
         draft = self.page.draft
         key = f"schedule.stage[{self.page.schedule.chosen}].drive" if draft.tables("schedule.stage") else "drive"
@@ -169,27 +169,27 @@ class ModesPanel:
         motion = self.page.motion
         if motion is None:
             return
-        if motion.held.actuators:
+        if motion.mode_file.actuators:
             self._draw(motion.driven(self.frequency, self.volts, self.names))
         else:
-            mode = int(np.abs(motion.every.natural_frequency - self.frequency).argmin())
+            mode = int(np.abs(motion.oscillators.natural_frequency - self.frequency).argmin())
             amplitude = motion.measured(mode, self.volts) or 1e-6 * self._drawn_um()
             self._draw(motion.of_mode(mode, amplitude))
 
     def _drawn_um(self) -> float:
         """The amplitude of the draft's drive at this frequency, or 1 µm."""
         drives = [drive for _, drive in self.page.scenario.excitations] if self.page.scenario else []
-        found = (d.amplitude_um for d in drives if abs(d.frequency_hz - self.frequency) < NEAR * self.frequency)
-        return next((amplitude for amplitude in found if amplitude), 1.0)
+        amplitudes = (d.amplitude_um for d in drives if abs(d.frequency_hz - self.frequency) < NEAR * self.frequency)
+        return next((amplitude for amplitude in amplitudes if amplitude), 1.0)
 
     def follow(self, index: int, at: tuple[float, float], stamp: float) -> None:
         """Draw the motion with one patch at another place [m], for a drag that began at a time of the browser."""
         motion = self.page.motion
-        if motion is not None and index < len(motion.held.actuators):
+        if motion is not None and index < len(motion.mode_file.actuators):
             self._draw(motion.driven(self.frequency, self.volts, self.names, motion.moved(index, at)), stamp)
 
     def _draw(self, q: NDArray[np.complex128], stamp: float = 0.0) -> None:
         assert self.page.motion is not None
         field, plate = self.page.motion.field(q, self.frequency), self.page.plate
         plate.words.text = field.pop("words")
-        plate.drawing.run_method("show", field | {"stamp": stamp}, plate.shown.value)
+        plate.drawing.run_method("show", field | {"stamp": stamp}, plate.view.value)

@@ -49,15 +49,15 @@ def modes_shown(scenario: Scenario) -> ModeFile:
 class Motion:
     """The modes of a plate on a grid, and what they make of voltages."""
 
-    def __init__(self, held: ModeFile) -> None:
-        self.held, self.every = held, oscillators(held)
-        plate = held.modes.plate
+    def __init__(self, mode_file: ModeFile) -> None:
+        self.mode_file, self.oscillators = mode_file, oscillators(mode_file)
+        modes, plate = mode_file.modes, mode_file.modes.plate
         self.x, self.y = (np.linspace(-0.5, 0.5, POINTS) * side for side in (plate.length, plate.width))
-        self.shapes = np.stack([held.modes.evaluate_grid(j, self.x, self.y)[0] for j in range(len(held.modes))])
+        self.shapes = np.stack([modes.evaluate_grid(j, self.x, self.y)[0] for j in range(len(modes))])
         places = np.stack(np.meshgrid(self.x, self.y, indexing="ij"), axis=-1)
-        outline = held.modes.outline
+        outline = modes.outline
         self.on_plate = np.full((POINTS, POINTS), True) if outline is None else outline.holds(places)
-        self.forces = modal_forces(held) if held.actuators else np.zeros((len(held.modes), 0))
+        self.forces = modal_forces(mode_file) if mode_file.actuators else np.zeros((len(modes), 0))
         self.stiffened = 1.0
 
     def learn(self, scenario: Scenario) -> None:
@@ -69,16 +69,16 @@ class Motion:
         if isinstance(plate, BendingPlate) and plate.actuator:
             loose = tuple(actuator.model_copy(update={"loads": False}) for actuator in plate.actuator)
             bare = modes_shown(scenario.model_copy(update={"plate": plate.model_copy(update={"actuator": loose})}))
-            there = modal_force_table(bare.modes, self.held.actuators)
-            self.stiffened = float(np.sqrt((self.forces**2).sum() / (there**2).sum()))
+            bare_forces = modal_force_table(bare.modes, self.mode_file.actuators)
+            self.stiffened = float(np.sqrt((self.forces**2).sum() / (bare_forces**2).sum()))
 
     def moved(self, index: int, at: tuple[float, float]) -> NDArray[np.float64]:
         """Modal forces [N/V] with one patch at another place [m], about: see `learn`; frequencies stay as they are."""
-        actuators: list[Actuator] = list(self.held.actuators)
+        actuators: list[Actuator] = list(self.mode_file.actuators)
         layer = dataclasses.replace(actuators[index].layer, centre=at)
         actuators[index] = dataclasses.replace(actuators[index], layer=layer)
         forces = self.forces.copy()
-        forces[:, index] = self.stiffened * modal_force_table(self.held.modes, [actuators[index]])[:, 0]
+        forces[:, index] = self.stiffened * modal_force_table(self.mode_file.modes, [actuators[index]])[:, 0]
         return forces
 
     def driven(
@@ -86,21 +86,21 @@ class Motion:
     ) -> NDArray[np.complex128]:
         """Modal coordinates (n_modes,) [m] under a voltage of some actuators, in phase, at a frequency [Hz]."""
         force = (self.forces if forces is None else forces) @ self.voltages(volts_vpp, names)
-        return self.every.modal_coordinates(np.array([frequency]), force)[0]
+        return self.oscillators.modal_coordinates(np.array([frequency]), force)[0]
 
     def voltages(self, volts_vpp: float, names: Sequence[str]) -> NDArray[np.complex128]:
         """Complex amplitude of every actuator [V]."""
-        return np.array([0.5 * volts_vpp * (a.name in names) for a in self.held.actuators], complex)
+        return np.array([0.5 * volts_vpp * (a.name in names) for a in self.mode_file.actuators], complex)
 
     def of_mode(self, mode: int, amplitude: float) -> NDArray[np.complex128]:
         """Modal coordinates of one mode alone, by its amplitude [m]."""
-        return np.where(np.arange(len(self.held.modes)) == mode, amplitude, 0.0).astype(complex)
+        return np.where(np.arange(len(self.mode_file.modes)) == mode, amplitude, 0.0).astype(complex)
 
     def measured(self, mode: int, volts_vpp: float) -> float | None:
         """Amplitude of the antinode of a mode [m] by its measured gain; None where there is none."""
-        for resonance in self.held.resonances:
+        for resonance in self.mode_file.resonances:
             if resonance.mode == mode and math.isfinite(resonance.gain):
-                at = deflection_at(self.held.modes, mode, resonance.driven_point, "resonance.driven_point_mm")
+                at = deflection_at(self.mode_file.modes, mode, resonance.driven_point, "resonance.driven_point_mm")
                 return resonance.gain * volts_vpp / at
         return None
 
@@ -114,7 +114,7 @@ class Motion:
         omega = 2.0 * math.pi * frequency
         slope = np.gradient(amplitude, self.x, self.y)
         hops = self.on_plate & (amplitude * omega**2 > GRAVITY)
-        speed = -1e3 * DRIFT * omega * 0.5 * self.held.modes.plate.thickness * np.where(hops, slope, 0.0)
+        speed = -1e3 * DRIFT * omega * 0.5 * self.mode_file.modes.plate.thickness * np.where(hops, slope, 0.0)
         arrays = {"re": w.real, "im": w.imag, "vx": speed[0], "vy": speed[1]}
         largest = np.hypot(*speed)[self.on_plate].max()
         words = f"{frequency:.5g} Hz: up to {1e6 * peak:.3g} µm, {peak * omega**2 / GRAVITY:.4g} g; "

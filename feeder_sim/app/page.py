@@ -82,17 +82,17 @@ class Page:
                                 panel()
                             except Exception as error:  # the text and undo are there, whatever else fails
                                 app.handle_exception(error)
-        ui.timer(0.5, self.results.look)
+        ui.timer(0.5, self.results.update)
         ui.timer(0.05, self.changed, once=True)
 
     def text(self) -> None:
         """The scenario as it is, to edit."""
         self.code = ui.codemirror(self.draft.text, language="TOML").classes("w-full h-96")
 
-        async def take() -> None:
+        async def write_text() -> None:
             await self.step(lambda: self.draft.write(self.code.value or ""))
 
-        ui.button("Take it over", on_click=take).props("dense no-caps")
+        ui.button("Take it over", on_click=write_text).props("dense no-caps")
 
     async def step(self, act: Callable[[], None]) -> None:
         """Change the draft, and show what came of it."""
@@ -116,7 +116,7 @@ class Page:
         self.heading.text = str(self.draft.value("title") or self.draft.file.stem)
         if self.structure != self.draft.structure:
             self.structure = self.draft.structure
-            self.fields.held.clear()
+            self.fields.inputs.clear()
             for panel in (self.plate.numbers, self.parts.table, self.schedule.stages, self.results.table):
                 panel.refresh()
         self.fields.update()

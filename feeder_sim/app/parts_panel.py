@@ -20,7 +20,7 @@ from feeder_sim.scene.part import build_part
 if TYPE_CHECKING:
     from feeder_sim.app.page import Page
 
-KEPT = ("name", "count", "start", "material")  # of a part that a mesh takes the place of
+RETAINED_KEYS = ("name", "count", "start", "material")  # of a part that a mesh takes the place of
 
 
 class PartsPanel:
@@ -38,7 +38,7 @@ class PartsPanel:
                 ui.label(str(part.get("name") or part.get("file") or shape)).classes("w-32 overflow-hidden")
                 self.page.fields.number(f"part[{i}].count")
                 self.page.fields.choice(f"part[{i}].material", sorted(MATERIALS), "steel")
-                ui.button("How it lies", on_click=lambda _, i=i: self.lies(i)).props("dense flat no-caps")
+                ui.button("How it lies", on_click=lambda _, i=i: self.show_poses(i)).props("dense flat no-caps")
         drop("Drop a part (STL, OBJ, PLY)", self.dropped)
         self.poses = ui.image().classes("w-full poses")
         self.poses.visible = False
@@ -48,16 +48,16 @@ class PartsPanel:
         name, draft = await self.page.put_in(event), self.page.draft
         if name is None:
             return
-        kept = {key: value for key in KEPT if (value := draft.value(f"part[0].{key}")) is not None}
+        retained = {key: value for key in RETAINED_KEYS if (value := draft.value(f"part[0].{key}")) is not None}
         before = draft.text
-        await self.page.step(lambda: draft.change("part[0]", {"shape": "mesh", "file": name} | kept))
-        if not await self.lies(0):
+        await self.page.step(lambda: draft.change("part[0]", {"shape": "mesh", "file": name} | retained))
+        if not await self.show_poses(0):
             draft.write(before)
         self.page.structure = None
         await self.page.changed()
-        await self.lies(0)
+        await self.show_poses(0)
 
-    async def lies(self, index: int) -> bool:
+    async def show_poses(self, index: int) -> bool:
         """Draw the stable poses of a part; says whether it could be."""
         if self.page.scenario is None or self.page.problem is not None:
             notify(self.page.problem or InputError("is not checked yet", file=self.page.draft.file))

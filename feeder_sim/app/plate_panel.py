@@ -44,8 +44,8 @@ class PlatePanel:
         """The picture, and what a click on it means."""
         with ui.row():
             self.tool = ui.toggle(TOOLS, value="move", on_change=self.update).props("dense no-caps")
-            self.shown = ui.toggle(["shape", "drift"], value="shape", on_change=self.page.modes.show)
-            self.shown.props("dense no-caps")
+            self.view = ui.toggle(["shape", "drift"], value="shape", on_change=self.page.modes.show)
+            self.view.props("dense no-caps")
         self.drawing = PlateCanvas().classes("w-full")
         self.drawing.on("moved", self.moved).on("drawn", self.drawn).on("put", self.put)
         self.words = ui.label().classes("words")
@@ -75,8 +75,8 @@ class PlatePanel:
             ui.notify('the picture changes plates of kind "plate"; the text has all others', type="warning")
             return False
         if draft.value("plate.file") or draft.value("plate.drawing"):
-            whole = scenario.plate.model_dump(mode="json", exclude_unset=True, exclude_none=True)
-            draft.change("plate", {key: value for key, value in whole.items() if key not in ("file", "drawing")})
+            description = scenario.plate.model_dump(mode="json", exclude_unset=True, exclude_none=True)
+            draft.change("plate", {key: value for key, value in description.items() if key not in ("file", "drawing")})
             ui.notify("the plate of the file is written out in the scenario now")
         return True
 
@@ -108,7 +108,7 @@ class PlatePanel:
         if not isinstance(plate, BendingPlate):
             half = 0.5 * np.array([getattr(plate, key, None) or LARGEST[i] for i, key in enumerate(NUMBERS[:2])])
             if self.page.motion is not None:
-                body = self.page.motion.held.modes.plate
+                body = self.page.motion.mode_file.modes.plate
                 half = 500.0 * np.array([body.length, body.width])
             return [half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]], []
         shift = self._shift()
@@ -176,9 +176,9 @@ class PlatePanel:
         kind, draft = event.args["tool"], self.page.draft
         entry: dict[str, Any] = {"at_mm": self._on_plate(event.args["at"])}
         if kind == "actuator":
-            taken = [table.get("name") for table in draft.tables("plate.actuator")]
+            used_names = [table.get("name") for table in draft.tables("plate.actuator")]
             free = (f"{letter}{number}" for number in ["", *range(1, 100)] for letter in "abcdefghijklmnopqrstuvwxyz")
-            entry = {"name": next(name for name in free if name not in taken)} | entry | PATCH
+            entry = {"name": next(name for name in free if name not in used_names)} | entry | PATCH
         else:
             entry |= FOOT
         self.tool.value = "move"

@@ -7,7 +7,6 @@ import multiprocessing
 import signal
 import threading
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ class Run:
 
     folder: Path
     process: Any
-    pipe: Connection
+    pipe: Any  # our end, whose class goes by the platform
     done: float = 0.0
     said: str = ""
     ended: str = ""
@@ -39,13 +38,13 @@ class Run:
         alive = self.process.is_alive()  # asked first: all that an ended process has sent is there
         with contextlib.suppress(EOFError, OSError):
             while not self.ended and self.pipe.poll():
-                what, value = self.pipe.recv()
-                if what == "progress":
+                kind, value = self.pipe.recv()
+                if kind == "progress":
                     self.done = value
-                elif what == "said":
+                elif kind == "said":
                     self.said = value
                 else:
-                    self.ended, self.lines = what, value
+                    self.ended, self.lines = kind, value
         if not self.ended and not alive:
             self.ended, self.lines = "failed", ["the process of this run has ended by itself"]
         return self
@@ -67,7 +66,7 @@ class Runs:
     """All runs of a server, by the names of their folders."""
 
     def __init__(self) -> None:
-        self.held: dict[str, Run] = {}
+        self.by_name: dict[str, Run] = {}
 
     def start(self, text: str, file: Path, folder: Path) -> Run:
         """Run a scenario as the command does, into a new folder."""
@@ -76,18 +75,18 @@ class Runs:
         process = context.Process(target=_compute, args=(text, file, folder, other))
         process.start()
         other.close()
-        run = self.held[folder.name] = Run(folder, process, mine)
+        run = self.by_name[folder.name] = Run(folder, process, mine)
         return run
 
     def stop_all(self) -> None:
         """End what is still under way, as the server ends."""
-        for run in self.held.values():
+        for run in self.by_name.values():
             run.stop()
-        for run in self.held.values():
+        for run in self.by_name.values():
             run.process.join(10.0)
 
 
-def _compute(text: str, file: Path, folder: Path, pipe: Connection) -> None:
+def _compute(text: str, file: Path, folder: Path, pipe: Any) -> None:
     from feeder_sim.run.run_folder import record_run
     from feeder_sim.scenario import parse_scenario
 
@@ -98,7 +97,7 @@ def _compute(text: str, file: Path, folder: Path, pipe: Connection) -> None:
         result = record_run(
             parse_scenario(text, file=file),
             folder,
-            progress=lambda done: pipe.send(("progress", done)),
+            progress=lambda fraction: pipe.send(("progress", fraction)),
             notify=lambda line: pipe.send(("said", line)),
             stop=stop,
             replay=False,

@@ -35,15 +35,15 @@ class RunsPanel:
             self.page.fields.numbers("run", "seeds", "duration_s")
             ui.button("Run", on_click=self.start).props("no-caps")
         self.bars = {}
-        for name, held in reversed(self.page.runs.held.items()):
+        for name, page_run in reversed(self.page.runs.by_name.items()):
             with ui.row().classes("w-full items-center"):
                 ui.label(name)
-                bar = ui.linear_progress(held.done, show_value=False).classes("w-32")
-                self.bars[name] = bar, ui.label(held.words).classes("said")
-                if held.ended:
+                bar = ui.linear_progress(page_run.done, show_value=False).classes("w-32")
+                self.bars[name] = bar, ui.label(page_run.words).classes("said")
+                if page_run.ended:
                     ui.button("Read", on_click=lambda _, name=name: self.open(name)).props("dense flat no-caps")
                 else:
-                    ui.button("Stop", on_click=held.stop).props("dense flat no-caps")
+                    ui.button("Stop", on_click=page_run.stop).props("dense flat no-caps")
         self.lines = ui.label().classes("w-full result").style("white-space: pre-wrap; font-family: monospace")
         self.frame = ui.element("iframe").props('sandbox="allow-scripts" title="Report"')
         self.frame.classes("w-full").style("height: 70vh; border: 0")
@@ -63,28 +63,28 @@ class RunsPanel:
         self.page.runs.start(draft.text, draft.file, folder)
         self.table.refresh()
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Bring the bars up to date, and the table when a run begins or ends."""
-        held = self.page.runs.held
-        ended = [name for name, found in held.items() if not found.ended and found.look().ended]
-        if ended or set(self.bars) != set(held):
+        page_runs = self.page.runs.by_name
+        ended = [name for name, page_run in page_runs.items() if not page_run.ended and page_run.look().ended]
+        if ended or set(self.bars) != set(page_runs):
             self.table.refresh()
-        for name, (bar, said) in self.bars.items():
-            found = held[name]
-            bar.value, said.text = found.done, found.words
+        for name, (bar, label) in self.bars.items():
+            page_run = page_runs[name]
+            bar.value, label.text = page_run.done, page_run.words
 
     async def open(self, name: str) -> None:
         """Show what came out of a run: its lines, how it differs from the one before it, its report with the replay."""
-        held = self.page.runs.held[name]
-        done = [other for other, found in self.page.runs.held.items() if found.ended == "done"]
-        earlier = done[done.index(name) - 1] if name in done and done.index(name) else None
-        self.lines.text = "\n".join(held.lines)
+        page_run = self.page.runs.by_name[name]
+        completed = [other for other, other_run in self.page.runs.by_name.items() if other_run.ended == "done"]
+        earlier = completed[completed.index(name) - 1] if name in completed and completed.index(name) else None
+        self.lines.text = "\n".join(page_run.lines)
         try:
             if earlier is not None:
                 self.lines.text += (
-                    f"\n\n{await run.io_bound(_compared, self.page.runs.held[earlier].folder, held.folder)}"
+                    f"\n\n{await run.io_bound(_compared, self.page.runs.by_name[earlier].folder, page_run.folder)}"
                 )
-            await run.io_bound(_report, held.folder)
+            await run.io_bound(_report, page_run.folder)
         except FeederSimError as error:
             self.lines.text += f"\n{error}"
             return

@@ -27,7 +27,7 @@ class SchedulePanel:
     @ui.refreshable_method
     def stages(self) -> None:
         """The blocks, and the numbers of the chosen one."""
-        fields, n = self.page.fields, len(self._held())
+        fields, n = self.page.fields, len(self._stage_tables())
         self.blocks = StageBlocks().classes("w-full")
         self.blocks.on("stretched", self.stretched).on("reordered", self.reordered).on("chosen", self.choose)
         self.update()
@@ -42,7 +42,7 @@ class SchedulePanel:
             fields.remover(f"schedule.stage[{self.chosen}]")
             ui.button("Add a stage", on_click=self.add).props("dense flat no-caps")
 
-    def _held(self) -> list[dict[str, Any]]:
+    def _stage_tables(self) -> list[dict[str, Any]]:
         return self.page.draft.tables("schedule.stage")
 
     def update(self) -> None:
@@ -54,19 +54,19 @@ class SchedulePanel:
                 "duration": float(number(f"schedule.stage[{i}].duration_s") or 1.0),
                 "pause": float(number(f"schedule.stage[{i}].pause_s") or 0.0),
             }
-            for i, stage in enumerate(self._held())
+            for i, stage in enumerate(self._stage_tables())
         ]
         self.blocks.update()
 
     def choose(self, event: events.GenericEventArguments) -> None:
         """Show the numbers of another stage."""
         self.chosen = int(event.args["index"])
-        self._anew()
+        self._refresh()
 
-    def _anew(self) -> None:
-        held = self.page.fields.held
-        for key in [key for key in held if key.startswith("schedule.")]:
-            del held[key]
+    def _refresh(self) -> None:
+        inputs = self.page.fields.inputs
+        for key in [key for key in inputs if key.startswith("schedule.")]:
+            del inputs[key]
         self.stages.refresh()
 
     async def stretched(self, event: events.GenericEventArguments) -> None:
@@ -76,10 +76,10 @@ class SchedulePanel:
 
     async def reordered(self, event: events.GenericEventArguments) -> None:
         """A stage comes earlier or later."""
-        stages = self._held()
+        stages = self._stage_tables()
         stages.insert(int(event.args["to"]), stages.pop(int(event.args["index"])))
         await self.page.step(lambda: self._write(stages))
-        self._anew()
+        self._refresh()
 
     def _write(self, stages: list[dict[str, Any]]) -> None:
         """Write all stages, each as a table of its own."""
@@ -91,7 +91,7 @@ class SchedulePanel:
         """A stage with the frequency and voltage of the page."""
         modes = self.page.modes
         drive = [modes.drive(modes.frequency, modes.names)]
-        stage = {"name": f"stage_{len(self._held()) + 1}", "drive": drive, "duration_s": 1.0}
+        stage = {"name": f"stage_{len(self._stage_tables()) + 1}", "drive": drive, "duration_s": 1.0}
         await self.page.step(lambda: self.page.draft.add("schedule.stage", stage))
 
     async def make(self) -> None:

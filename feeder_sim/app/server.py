@@ -36,13 +36,13 @@ def serve(text: str, file: Path, *, port: int | None, show: bool, as_json: bool 
 
     async def page() -> None:
         await ui.context.client.connected()
-        held = app.storage.tab
-        draft = held.setdefault("draft", Draft(text, file))  # what a tab has written survives its reload
+        storage = app.storage.tab
+        draft = storage.setdefault("draft", Draft(text, file))  # what a tab has written survives its reload
         Page(draft, runs).build()
 
     def report(name: str) -> Response:
-        found = runs.held.get(name)
-        path = found.folder / REPORT if found else None
+        run = runs.by_name.get(name)
+        path = run.folder / REPORT if run else None
         if path is None or not path.is_file():
             return PlainTextResponse("feeder-sim: no such report\n", status_code=404)
         return FileResponse(path, media_type="text/html")
@@ -52,12 +52,12 @@ def serve(text: str, file: Path, *, port: int | None, show: bool, as_json: bool 
     app.on_shutdown(runs.stop_all)
     address = f"http://{HOST}:{port}/?token={token}"
 
-    async def tell() -> None:
+    async def print_address() -> None:
         while not _listens(port):
             await asyncio.sleep(0.05)
         print(json.dumps({"address": address}) if as_json else f"{address}\nCtrl+C ends the server", flush=True)
 
-    app.on_startup(lambda: background_tasks.create(tell()))
+    app.on_startup(lambda: background_tasks.create(print_address()))
     ui.run(
         page,
         host=HOST,
@@ -72,11 +72,11 @@ def serve(text: str, file: Path, *, port: int | None, show: bool, as_json: bool 
 
 
 def _listens(port: int) -> bool:
-    with socket.socket() as asked:
-        return asked.connect_ex((HOST, port)) == 0
+    with socket.socket() as probe:
+        return probe.connect_ex((HOST, port)) == 0
 
 
 def _free_port() -> int:
-    with socket.socket() as found:
-        found.bind((HOST, 0))
-        return int(found.getsockname()[1])
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        return int(probe.getsockname()[1])

@@ -26,14 +26,14 @@ def catalogue(folder: Path) -> dict[str, dict[str, str]]:
     scenarios by the names that commands know them by, mode files by their paths.
     """
     scenarios, mode_files = _scenarios_in(folder), _mode_files_in(folder)
-    own = {path.resolve() for path in (*scenarios, *mode_files)}
+    resolved = {path.resolve() for path in (*scenarios, *mode_files)}
     package = examples_folder()
     more = sorted(package.glob("models/*/*.h5")) if package else []
     return {
         "scenarios": {str(path.relative_to(folder)): title for path, title in scenarios.items()},
-        "examples": {name: _title(path) for name, path in examples().items() if path.resolve() not in own},
+        "examples": {name: _title(path) for name, path in examples().items() if path.resolve() not in resolved},
         "mode files": {str(path.relative_to(folder)): text for path, text in mode_files.items()},
-        "mode files of examples": {str(path): _modes(path) for path in more if path.resolve() not in own},
+        "mode files of examples": {str(path): _modes(path) for path in more if path.resolve() not in resolved},
         "engines": {name: text for name, text in ENGINES.items() if name != "auto"} | _added("engines"),
         "parts": {name: table.sizes for name, table in SHAPES.items()} | _added("parts"),
         "materials": {name: f"{m.density:g} kg/m3, {m.youngs_modulus / 1e9:g} GPa" for name, m in MATERIALS.items()},
@@ -46,11 +46,11 @@ def _added(group: str) -> dict[str, str]:
 
 def _scenarios_in(folder: Path) -> dict[Path, str]:
     """Titles of all files in `scenarios`, and of what else in the folder and the folders in it is a scenario."""
-    found = {path: _title(path) for path in sorted(folder.glob("scenarios/*.toml"))}
+    titles = {path: _title(path) for path in sorted(folder.glob("scenarios/*.toml"))}
     for path in sorted((*folder.glob("*.toml"), *folder.glob("*/*.toml"))):
-        if path not in found and _is_scenario(path):
-            found[path] = _title(path)
-    return found
+        if path not in titles and _is_scenario(path):
+            titles[path] = _title(path)
+    return titles
 
 
 def _is_scenario(path: Path) -> bool:
@@ -64,11 +64,11 @@ def _is_scenario(path: Path) -> bool:
 
 def _mode_files_in(folder: Path) -> dict[Path, str]:
     """What is in all files of the folders in `models`, and in those of the folder itself and the folders in it."""
-    found = {path: _modes(path) for path in sorted(folder.glob("models/*/*.h5"))}
+    descriptions = {path: _modes(path) for path in sorted(folder.glob("models/*/*.h5"))}
     for path in sorted((*folder.glob("*.h5"), *folder.glob("*/*.h5"))):
         if path.name != TRAJECTORY and not (text := _modes(path)).startswith(UNUSABLE):  # another kind of file
-            found[path] = text
-    return found
+            descriptions[path] = text
+    return descriptions
 
 
 def _title(path: Path) -> str:

@@ -52,8 +52,8 @@ class LateCommand(TyperCommand):
 class Commands(TyperGroup):
     """The commands; `modes import` is one of two words beside `modes`, which takes a file there."""
 
-    def __init__(self, **given: Any) -> None:
-        super().__init__(**given)
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
         self.commands.update((name, LateCommand(name, help=title)) for name, title in STUDIES.items())
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -63,11 +63,11 @@ class Commands(TyperGroup):
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """Options before the command; without any word Click's "error" is the help, which stays as it is."""
-        asked = bool(args)
+        has_args = bool(args)
         try:
             return super().make_context(info_name, args, parent, **extra)
         except _USAGE_ERROR as error:
-            if not asked:
+            if not has_args:
                 raise
             raise _in_one_line(error, None) from error
 

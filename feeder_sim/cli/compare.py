@@ -26,7 +26,7 @@ def compare(
 
     with progress_bar("measuring the seeds") as progress:
         runs = [
-            measured_run(path, lambda done, before=number: progress(0.5 * (before + done)))  # type: ignore[misc]
+            measured_run(path, lambda share, before=number: progress(0.5 * (before + share)))  # type: ignore[misc]
             for number, path in enumerate((first, second))
         ]
     comparison = Comparison(*runs)

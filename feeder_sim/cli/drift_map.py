@@ -47,18 +47,18 @@ def drift_map(
         from feeder_sim.studies.drift_map.making import make_map, strip_of
 
         strip = strip_of(scenario)
-        for caution in ignored_uncertainty(scenario):
-            notify(f"caution: {caution}")
+        for warning in ignored_uncertainty(scenario):
+            notify(f"warning: {warning}")
         with (
             stop_on_signal() as stop,
             progress_bar(scenario_file.stem, stop) as progress,
             seed_workers(workers, dask) as who,
         ):
-            made = make_map(scenario, strip, seeds=seeds, progress=progress, stop=stop, notify=notify, **who)
-        save_map(made, out)
-    told = {"file": str(out), "simulated_s": made.simulated_s, "processor_s": made.processor_s}
+            new_map = make_map(scenario, strip, seeds=seeds, progress=progress, stop=stop, notify=notify, **who)
+        save_map(new_map, out)
+    facts = {"file": str(out), "simulated_s": new_map.simulated_s, "processor_s": new_map.processor_s}
     if as_json:
-        print(json.dumps(told))
+        print(json.dumps(facts))
     else:
-        cost = f"made of {made.simulated_s:.0f} simulated s in {made.processor_s:.0f} s of processor time"
+        cost = f"made of {new_map.simulated_s:.0f} simulated s in {new_map.processor_s:.0f} s of processor time"
         print(f"{printable(str(out))}: {cost}")

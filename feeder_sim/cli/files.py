@@ -41,13 +41,13 @@ PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 def complete_scenario(incomplete: str) -> list[str]:
     """What a shell can offer for a scenario: examples by their names, TOML files, and folders on the way to them."""
-    found = [name for name in examples() if name.startswith(incomplete)]
+    matches = [name for name in examples() if name.startswith(incomplete)]
     with contextlib.suppress(OSError):
         folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
         for path in sorted(folder.glob("*")):
             if str(path).startswith(incomplete) and (path.suffix == ".toml" or path.is_dir()):
-                found.append(f"{path}/" if path.is_dir() else str(path))
-    return found
+                matches.append(f"{path}/" if path.is_dir() else str(path))
+    return matches
 
 
 _SCENARIO: Any = typer.Argument(

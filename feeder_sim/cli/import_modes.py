@@ -64,24 +64,24 @@ def import_modes_command(
     shapes = _read(source, unit, 1e-3 * thickness)
     with file_in_errors(source):
         imported = import_modes(shapes, thickness=1e-3 * thickness, material=of, outline=edge, source=source.name)
-    held = imported.mode_file
+    mode_file = imported.mode_file
     if actuators is not None:
         from feeder_sim.scenario import load_actuator_file
         from feeder_sim.scene.attachments import with_actuators
 
         with file_in_errors(actuators):
-            held = with_actuators(held, load_actuator_file(actuators).actuator)
+            mode_file = with_actuators(mode_file, load_actuator_file(actuators).actuator)
     if out is not None:
         from feeder_sim.plate.mode_file import write_mode_file
 
-        write_mode_file(out, held)
+        write_mode_file(out, mode_file)
     if picture is not None:
         from feeder_sim.plots.pictures import draw_imported
 
         draw_imported(imported, picture)
     _print(imported, as_json)
-    for caution in imported.cautions:
-        print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
+    for warning in imported.warnings:
+        print(f"feeder-sim: warning: {printable(warning)}", file=sys.stderr)
 
 
 def _material(name: str) -> Material:
@@ -115,8 +115,8 @@ def _read(source: Path, unit: str | None, thickness: float) -> MeasuredShapes:
 
 def _print(imported: Imported, as_json: bool) -> None:
     """Print what has become of the modes, in words or as one JSON object."""
-    rows, held = _rows(imported), imported.mode_file
-    modes, shift = held.modes, held.origin.shift if held.origin else (0.0, 0.0)
+    rows, mode_file = _rows(imported), imported.mode_file
+    modes, shift = mode_file.modes, mode_file.origin.shift if mode_file.origin else (0.0, 0.0)
     size = [round(1e3 * d, 4) for d in (modes.plate.length, modes.plate.width, modes.plate.thickness)]
     outline = imported.outline
     if as_json:
@@ -128,7 +128,7 @@ def _print(imported: Imported, as_json: bool) -> None:
             "area_mm2": 1e6 * outline.polygon.area,
             "points": len(imported.points),
         }
-        print(json.dumps(plate | {"modes": rows, "cautions": list(imported.cautions)}))
+        print(json.dumps(plate | {"modes": rows, "warnings": list(imported.warnings)}))
         return
     holes = f", {len(outline.holes)} hole{'s' if len(outline.holes) > 1 else ''}" if outline.holes else ""
     kind = "rectangle" if modes.outline is None else f"outline with {len(outline.exterior)} corners{holes}"
@@ -151,17 +151,17 @@ def _print(imported: Imported, as_json: bool) -> None:
 
 
 def _rows(imported: Imported) -> list[dict[str, Any]]:
-    held = imported.mode_file
-    damping = {r.mode: r.damping_ratio for r in held.resonances}
+    mode_file = imported.mode_file
+    damping = {r.mode: r.damping_ratio for r in mode_file.resonances}
     rows = []
     for i, quality in enumerate(imported.quality):
         alike = quality.resembles
         rows.append(
             {
                 "mode": i + 1,
-                "frequency_hz": float(held.modes.natural_frequency[i]),
+                "frequency_hz": float(mode_file.modes.natural_frequency[i]),
                 "damping_ratio": damping.get(i),
-                "modal_mass_g": 1e3 * float(held.modes.modal_mass[i]),
+                "modal_mass_g": 1e3 * float(mode_file.modes.modal_mass[i]),
                 "modal_mass_of_file": quality.mass_of_file,
                 "rotations_of_file": quality.with_rotations,
                 "residual": quality.residual,

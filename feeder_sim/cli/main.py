@@ -53,9 +53,9 @@ from feeder_sim.cli.uncertainty import (
     RunInputs,
     end_uncertain,
     go_on_uncertain,
-    inputs_asked,
-    keep_asked,
-    left_uncertain,
+    is_uncertainty_pending,
+    record_inputs,
+    recorded_inputs,
     run_uncertain,
     uncertain_lines,
 )
@@ -86,8 +86,8 @@ app = typer.Typer(
 )
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
+def _print_version(requested: bool) -> None:
+    if requested:
         print(f"feeder-sim {__version__}")
         raise typer.Exit
 
@@ -127,9 +127,9 @@ def run(
     with options_in_errors():
         patience = checked_patience(STALL_AFTER_S if stall_after is None else stall_after)
     if resume is not None:
-        given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--set": settings}
-        given |= {"--out": out}
-        also = [name for name, value in given.items() if value is not None]
+        extra = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--set": settings}
+        extra |= {"--out": out}
+        also = [name for name, value in extra.items() if value is not None]
         if also or dry_run:
             raise InputError(
                 f"goes on with what is in the folder, {(also or ['--dry-run'])[0]} is not allowed with it",
@@ -137,15 +137,15 @@ def run(
             )
         from feeder_sim.run.run_folder import resume_run
 
-        asked = inputs_asked(resume, inputs)
-        if left_uncertain(resume):
-            go_on_uncertain(resume, asked, as_json)
+        draws = recorded_inputs(resume, inputs)
+        if is_uncertainty_pending(resume):
+            go_on_uncertain(resume, draws, as_json)
             return
         with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress, seed_workers(workers, dask) as who:
             how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "stall_after": patience}
             how["replay"] = replay_too
             result = resume_run(resume, **how, **who)
-        _finish_run(result, resume, as_json, asked)
+        _finish_run(result, resume, as_json, draws)
         return
     if scenario_file is None:
         raise InputError("a scenario file is needed, or --resume with the folder of a run", key="run")
@@ -177,19 +177,19 @@ def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> Non
     """Go on to the uncertain inputs, if there are any; print what came out; the exit code says how it ended."""
     from feeder_sim.run.prepare import ignored_uncertainty
 
-    whole = not result.interrupted and not result.failures
+    is_complete = not result.interrupted and not result.failures
     if not as_json:
         print_result(result, folder, as_json, {})
-    uncertain = run_uncertain(result.prepared.scenario, folder, inputs) if whole else None
-    if not whole:
-        keep_asked(result.prepared.scenario, folder, inputs)
+    uncertain = run_uncertain(result.prepared.scenario, folder, inputs) if is_complete else None
+    if not is_complete:
+        record_inputs(result.prepared.scenario, folder, inputs)
     if as_json:
         print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
     elif uncertain:
         print(uncertain_lines(uncertain))
     if not (uncertain and uncertain.measure()):
-        for caution in ignored_uncertainty(result.scenario):
-            print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
+        for warning in ignored_uncertainty(result.scenario):
+            print(f"feeder-sim: warning: {printable(warning)}", file=sys.stderr)
     for failure in result.failures:
         print(f"feeder-sim: {failure}", file=sys.stderr)
     if result.interrupted:
@@ -284,11 +284,11 @@ def list_(
 
     if not folder.is_dir():
         raise InputError("no such folder", file=folder)
-    found = catalogue(folder)
+    listing = catalogue(folder)
     if as_json:
-        print(json.dumps(found))
+        print(json.dumps(listing))
         return
-    for kind, entries in found.items():
+    for kind, entries in listing.items():
         if entries:
             print(f"{kind}:")
         for name, text in entries.items():

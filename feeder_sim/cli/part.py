@@ -78,9 +78,9 @@ def part(
     if as_json:
         print(json.dumps(facts))
         return
-    poses, drops_made = facts.pop("stable_poses"), facts.pop("drops")
+    poses, drop_facts = facts.pop("stable_poses"), facts.pop("drops")
     print(as_lines(facts))
-    _print_poses(poses, drops_made)
+    _print_poses(poses, drop_facts)
 
 
 @contextlib.contextmanager
@@ -118,8 +118,8 @@ def _cut(spec: MeshPart, error_mm: float | None, *, force: bool) -> MeshPart:
         raise InputError("exists already, --force replaces it", file=path, key="--pieces")
     writable(path, force=force)
     mesh = closed_mesh(spec.file, spec.file_unit_mm)
-    made, how = make_pieces(mesh, spec.file_unit_mm, error_mm)
-    write_pieces(path, made, spec.file, how)
+    pieces, how = make_pieces(mesh, spec.file_unit_mm, error_mm)
+    write_pieces(path, pieces, spec.file, how)
     return spec.model_copy(update={"contact": "parts", "pieces": path})
 
 

@@ -24,8 +24,8 @@ def plan_lines(plan: dict[str, Any]) -> str:
         lines.append(f"From antinode to node it is {plan['antinode_to_node_mm']:.4g} mm.")
     lines += [_parts(plan), f"The engine is {plan['engine']}: {plan['engine_because']}.", *_cost(plan)]
     lines += [_measures(plan["measures"])]
-    advice = [line for line in plan["recommended"] if not line.startswith("nothing")]
-    for title, entries in (("Cautions", plan["cautions"]), ("Advice", advice)):
+    recommendations = [line for line in plan["recommended"] if not line.startswith("nothing")]
+    for title, entries in (("Warnings", plan["warnings"]), ("Advice", recommendations)):
         lines += [f"{title}:", *(f"- {entry}" for entry in entries[:MOST_ENTRIES])] if entries else [f"{title}: none."]
         lines += [f"- and {more} more, which --json has"] if (more := len(entries) - MOST_ENTRIES) > 0 else []
     return "\n".join(shortened(printable(line), LONGEST_TEXT) for line in lines)
@@ -85,6 +85,6 @@ def _time(seconds: float) -> str:
 
 def _measures(names: list[str]) -> str:
     """Measures of the whole run; those of stages are too many to be listed."""
-    whole = [name for name in names if "[" not in name]
-    more = f", and {len(names) - len(whole)} of stages or kinds, which --full lists" if len(whole) < len(names) else ""
-    return f"It measures {', '.join(whole)}{more}."
+    plain = [name for name in names if "[" not in name]
+    more = f", and {len(names) - len(plain)} of stages or kinds, which --full lists" if len(plain) < len(names) else ""
+    return f"It measures {', '.join(plain)}{more}."

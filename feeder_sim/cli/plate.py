@@ -77,8 +77,8 @@ def modes(
         return
     print_modes(mode_file, as_json)
     _say_origin(source)
-    for _, caution in far_resonances(mode_file):
-        print(f"feeder-sim: caution: {caution}", file=sys.stderr)
+    for _, warning in far_resonances(mode_file):
+        print(f"feeder-sim: warning: {warning}", file=sys.stderr)
 
 
 def _say_origin(source: Path) -> None:

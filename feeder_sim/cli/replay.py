@@ -47,15 +47,15 @@ def replay(
     from feeder_sim.replay.plate import SLOW, TIMELINE
     from feeder_sim.replay.viewer import FORMATS, SIZE, open_viewer, replay_file, take_screenshot, time_shown
 
-    asked = [key for key, path in (("--screenshot", screenshot), ("--video", video), ("--html", html)) if path]
-    if len(asked) > 1:
-        raise InputError(f"is not allowed together with {asked[0]}", key=asked[1])
+    outputs = [key for key, path in (("--screenshot", screenshot), ("--video", video), ("--html", html)) if path]
+    if len(outputs) > 1:
+        raise InputError(f"is not allowed together with {outputs[0]}", key=outputs[1])
     if at is not None and screenshot is None:
         raise InputError("belongs to --screenshot", key="--at")
     of_films = {"--from": begin, "--to": end, "--speed": speed, "--fps": fps, "--size": size}
-    given = [key for key, value in of_films.items() if value is not None]
-    if given and video is None:
-        raise InputError("belongs to --video", key=given[0])
+    film_options = [key for key, value in of_films.items() if value is not None]
+    if film_options and video is None:
+        raise InputError("belongs to --video", key=film_options[0])
     meaning, timeline = _colour(colour), SLOW if slow else TIMELINE
     if video is not None:
         from feeder_sim.replay.video import check_library, film_of, make_film
@@ -75,8 +75,8 @@ def replay(
         _check_new(screenshot, "--screenshot", tuple(FORMATS))
         moment = time_shown(folder, at, seed=show_seed, slow=slow)
         take_screenshot(folder, screenshot, at=moment, timeline=timeline, seed=show_seed, colour=meaning)
-        shown = {"timeline": timeline, "time_s": moment, "size_pixels": SIZE}
-        _tell(as_json, {"screenshot": str(screenshot), "seed": show_seed, **shown})
+        facts = {"timeline": timeline, "time_s": moment, "size_pixels": SIZE}
+        _tell(as_json, {"screenshot": str(screenshot), "seed": show_seed, **facts})
         return
     if slow:
         raise InputError("belongs to --screenshot and --video; in the viewer choose the timeline", key="--slow-motion")
@@ -93,20 +93,20 @@ def _write_page(folder: Path, file: Path, seed: int, meaning: Colour | None) -> 
     from feeder_sim.replay.page import replay_page
 
     recording = read_recording(trajectory_of(folder))
-    made = Player(
+    player = Player(
         lambda: replay_page(recording, seed, colour=meaning),
         title=f"Replay of {recording.path.parent.name}",
         caption="",
     )
-    content = made.alone().encode()
+    content = player.alone().encode()
     write_whole(file, content)
     return len(content)
 
 
-def _tell(as_json: bool, made: dict[str, Any]) -> None:
+def _tell(as_json: bool, facts: dict[str, Any]) -> None:
     """Print what was made, where JSON is asked for."""
     if as_json:
-        print(json.dumps(made))
+        print(json.dumps(facts))
 
 
 def _check_new(path: Path, key: str, suffixes: tuple[str, ...]) -> None:

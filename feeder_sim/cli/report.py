@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 
 def print_response(
-    found: Response,
-    held: ModeFile,
+    spectrum: Response,
+    plate: ModeFile,
     forces: NDArray[np.float64],
     names: Sequence[str],
     volts: float,
@@ -42,7 +42,7 @@ def print_response(
     """Print the peaks of a response, and with what force each actuator drives their modes (n_modes, n_actuators)."""
     from feeder_sim.measures.statistic import finite_or_none
 
-    at_peak = [int(abs(found.frequency - peak.frequency).argmin()) for peak in found.peaks]
+    at_peak = [int(abs(spectrum.frequency - peak.frequency).argmin()) for peak in spectrum.peaks]
     rows: list[dict[str, Any]] = [
         {
             "mode": peak.mode + 1,
@@ -50,16 +50,16 @@ def print_response(
             "amplitude_um": 1e6 * peak.amplitude,
             "amplitude_bounds_um": [1e6 * peak.amplitude * bound for bound in peak.bounds],
             "damping_ratio": finite_or_none(peak.damping_ratio),
-            "current_ma": 1e3 * float(abs(found.current[i].sum())),
-            "power_w": float(found.power[i]),
-            "ceramic_heat_w": float(found.heat[i]),
-            "impedance_ohm": finite_or_none(float(abs(found.impedance[i]))),
-            "impedance_phase_deg": finite_or_none(math.degrees(cmath.phase(found.impedance[i]))),
-            "series_resistance_ohm": finite_or_none(float(found.impedance[i].real)),
+            "current_ma": 1e3 * float(abs(spectrum.current[i].sum())),
+            "power_w": float(spectrum.power[i]),
+            "ceramic_heat_w": float(spectrum.heat[i]),
+            "impedance_ohm": finite_or_none(float(abs(spectrum.impedance[i]))),
+            "impedance_phase_deg": finite_or_none(math.degrees(cmath.phase(spectrum.impedance[i]))),
+            "series_resistance_ohm": finite_or_none(float(spectrum.impedance[i].real)),
             "resistance_maximum_hz": finite_or_none(peak.resistive),
-            "force_per_volt_n": dict(zip((a.name for a in held.actuators), forces[peak.mode].tolist(), strict=True)),
+            "force_per_volt_n": dict(zip((a.name for a in plate.actuators), forces[peak.mode].tolist(), strict=True)),
         }
-        for peak, i in zip(found.peaks, at_peak, strict=True)
+        for peak, i in zip(spectrum.peaks, at_peak, strict=True)
     ]
     if as_json:
         print(json.dumps({"actuator": list(names), "voltage_vpp": volts, "peaks": rows}))
@@ -75,7 +75,7 @@ def print_response(
     }
     electrical = {"mode": "{mode}", "|Z| (ohm)": "{impedance_ohm:.4g}", "phase (deg)": "{impedance_phase_deg:.1f}"}
     electrical |= {"R (ohm)": "{series_resistance_ohm:.3g}", "highest at (Hz)": "{resistance_maximum_hz:.1f}"}
-    columns |= {f"N/V {actuator.name}": f"{{force{i}:+.3g}}" for i, actuator in enumerate(held.actuators)}
+    columns |= {f"N/V {actuator.name}": f"{{force{i}:+.3g}}" for i, actuator in enumerate(plate.actuators)}
     forced = [{f"force{i}": force for i, force in enumerate(row["force_per_volt_n"].values())} for row in rows]
     print_table([row | force | _within(row) for row, force in zip(rows, forced, strict=True)], columns)
     if not rows:
@@ -186,17 +186,17 @@ def print_pairs(pairs: Sequence[ModePair], as_json: bool) -> None:
         print("no mode moves enough of the plate; a higher voltage may")
 
 
-def write_response(found: Response, names: Sequence[str], path: Path) -> None:
+def write_response(spectrum: Response, names: Sequence[str], path: Path) -> None:
     """Write a response as CSV: frequency, amplitude, power, and the current of every actuator."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         impedance = ["impedance_ohm", "impedance_phase_deg", "series_resistance_ohm"]
         currents = [f"current_{name}_ma" for name in names]
         writer.writerow(["frequency_hz", "amplitude_um", "power_w", "ceramic_heat_w", *impedance, *currents])
-        for i, frequency in enumerate(found.frequency):
-            currents = [f"{1e3 * abs(current):.6g}" for current in found.current[i]]
-            z = found.impedance[i]
-            numbers = [1e6 * found.amplitude[i], found.power[i], found.heat[i], abs(z)]
+        for i, frequency in enumerate(spectrum.frequency):
+            currents = [f"{1e3 * abs(current):.6g}" for current in spectrum.current[i]]
+            z = spectrum.impedance[i]
+            numbers = [1e6 * spectrum.amplitude[i], spectrum.power[i], spectrum.heat[i], abs(z)]
             numbers += [math.degrees(cmath.phase(z)), z.real]
             writer.writerow([f"{frequency:.4f}", *(f"{number:.6g}" for number in numbers), *currents])
 
@@ -341,9 +341,9 @@ def print_ratios(rows: Sequence[RatioRoutes], as_json: bool) -> None:
     if as_json:
         print(json.dumps(entries))
         return
-    shown = [entry | {"modes": ", ".join(map(str, entry["modes"])) or "none"} for entry in entries]
+    table_rows = [entry | {"modes": ", ".join(map(str, entry["modes"])) or "none"} for entry in entries]
     columns = {"length/width": "{ratio:.3f}", "largest k": "{largest_k:.3f}", "offset grows by": "{growth:.3g}"}
-    print_table(shown, columns | {"modes": "{modes}"})
+    print_table(table_rows, columns | {"modes": "{modes}"})
 
 
 def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:

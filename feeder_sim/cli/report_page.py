@@ -47,8 +47,8 @@ def report(
         content = document.html().encode()
     write_whole(writable(file, force=force), content)
     if as_json:
-        kind = held.kind if (held := kind_of(folder)) else "run"
-        made = {"file": str(file), "bytes": len(content), "pictures": document.pictures}
-        print(json.dumps({"kind": kind, "title": document.title} | made))
+        kind = study_kind.kind if (study_kind := kind_of(folder)) else "run"
+        facts = {"file": str(file), "bytes": len(content), "pictures": document.pictures}
+        print(json.dumps({"kind": kind, "title": document.title} | facts))
         return
     print(printable(str(file)))

@@ -67,14 +67,14 @@ def response(
     for path in (picture, data):
         if path is not None:
             (new_picture if path is picture else writable)(path)
-    held = modes_of(source)
-    _check_actuators(held, source)
+    mode_file = modes_of(source)
+    _check_actuators(mode_file, source)
     if measured is not None:
-        _fit_measured(held, source, measured, actuator, write, picture, as_json)
+        _fit_measured(mode_file, source, measured, actuator, write, picture, as_json)
         return
     if write is not None:
         raise InputError("is given without --measured, allowed is with it", file=source, key="--write")
-    frequencies = held.modes.natural_frequency
+    frequencies = mode_file.modes.natural_frequency
     low = 0.5 * float(frequencies[0]) if low is None else low
     high = float(frequencies[-1]) if high is None else high
     if not 0.0 < low < high <= frequencies[-1] * 1.02:
@@ -85,24 +85,24 @@ def response(
         )
     if damping is not None and not 1e-6 <= damping < 1.0:
         raise InputError(f"is {damping:g}, allowed is 1e-06 to 1", file=source, key="--damping")
-    point = point_on_plate(at, held, source, "--at")
-    names = actuator or [held.actuators[0].name]
+    point = point_on_plate(at, mode_file, source, "--at")
+    names = actuator or [mode_file.actuators[0].name]
     with file_in_errors(source):
-        voltage = amplitudes_of(held, names, volts, source)
-        found = frequency_response(held, voltage, low=low, high=high, point=point, damping_ratio=damping)
-        forces = modal_forces(held)
+        voltage = amplitudes_of(mode_file, names, volts, source)
+        spectrum = frequency_response(mode_file, voltage, low=low, high=high, point=point, damping_ratio=damping)
+        forces = modal_forces(mode_file)
     if data is not None:
-        write_response(found, [a.name for a in held.actuators], data)
+        write_response(spectrum, [a.name for a in mode_file.actuators], data)
     if picture is not None:
         from feeder_sim.plots.pictures import draw_response
 
-        draw_response(found, picture, title=f"Driven by {', '.join(names)} at {volts:g} V peak to peak", point=point)
-    print_response(found, held, forces, names, volts, as_json)
-    _say(assumption(oscillators(held, damping)))
+        draw_response(spectrum, picture, title=f"Driven by {', '.join(names)} at {volts:g} V peak to peak", point=point)
+    print_response(spectrum, mode_file, forces, names, volts, as_json)
+    _say(assumption(oscillators(mode_file, damping)))
 
 
 def _fit_measured(
-    held: ModeFile,
+    mode_file: ModeFile,
     source: Path,
     measured: Path,
     actuator: list[str] | None,
@@ -116,7 +116,7 @@ def _fit_measured(
     from feeder_sim.plots.pictures import draw_fit
     from feeder_sim.scene.plate_modes import modes_of_resonances
 
-    names = [each.name for each in held.actuators]
+    names = [each.name for each in mode_file.actuators]
     name = actuator[0] if actuator else names[0]
     if name not in names or len(actuator or []) > 1:
         raise Unknown(" and ".join(actuator or []), names, file=source, key="--actuator")
@@ -125,19 +125,19 @@ def _fit_measured(
     with file_in_errors(measured):
         sweep = read_sweep(measured)
         low, high = float(sweep.frequency[0]), float(sweep.frequency[-1])
-        natural = held.modes.natural_frequency
+        natural = mode_file.modes.natural_frequency
         if high < natural[0] or low > natural[-1]:
             raise InputError(
                 f"goes from {low:g} to {high:g} Hz, allowed is a sweep in Hz over modes of the plate, which lie at "
                 f"{natural[0]:.0f} to {natural[-1]:.0f} Hz",
                 key="frequency_hz",
             )
-        fit = fit_sweep(sweep, held.actuators[names.index(name)].capacitance)
-        modes = modes_of_resonances(held, [resonance.frequency for resonance in fit.resonances])
+        fit = fit_sweep(sweep, mode_file.actuators[names.index(name)].capacitance)
+        modes = modes_of_resonances(mode_file, [resonance.frequency for resonance in fit.resonances])
     if picture is not None:
         draw_fit(sweep, fit, picture, title=f"Series resistance of {name}")
     if out is not None:
-        _write_resonances(held, fit, modes, source, out)
+        _write_resonances(mode_file, fit, modes, source, out)
     print_fit(fit, modes, as_json)
 
 
@@ -150,58 +150,58 @@ def _check_new_plate_file(out: Path, source: Path) -> None:
         raise InputError(f"allowed is a .toml file in the folder of {source.name}", file=out, key="--write")
 
 
-def _write_resonances(held: ModeFile, fit: SweepFit, modes: Sequence[int | None], source: Path, out: Path) -> None:
+def _write_resonances(mode_file: ModeFile, fit: SweepFit, modes: Sequence[int | None], source: Path, out: Path) -> None:
     """Write a plate file with measured resonances, in place of those that it has of the same modes; gains stay."""
     import tomllib
 
     import tomli_w
 
     table = tomllib.loads(source.read_text(encoding="utf-8"))
-    kept = {r.mode: row for r, row in zip(held.resonances, table.get("resonance", []), strict=True)}
+    records = {r.mode: row for r, row in zip(mode_file.resonances, table.get("resonance", []), strict=True)}
     for resonance, mode in zip(fit.resonances, modes, strict=True):
         if mode is not None:
             measured = {"frequency_hz": round(resonance.frequency, 4), "damping_ratio": resonance.damping_ratio}
-            kept[mode] = kept.get(mode, {}) | measured | {"mode": mode + 1}
-    table["resonance"] = sorted(kept.values(), key=lambda row: row["frequency_hz"])
+            records[mode] = records.get(mode, {}) | measured | {"mode": mode + 1}
+    table["resonance"] = sorted(records.values(), key=lambda row: row["frequency_hz"])
     text = f"# {source.name} with resonances measured at a patch.\n\n{tomli_w.dumps(table)}"
     out.write_text(text, encoding="utf-8")
 
 
-def print_ranked(held: ModeFile, volts: float, near: str | None, source: Path, as_json: bool) -> None:
+def print_ranked(mode_file: ModeFile, volts: float, near: str | None, source: Path, as_json: bool) -> None:
     """Print the modes of a plate in the order of what a voltage, peak to peak, does near a point x,y [mm]."""
     from feeder_sim.cli.report import print_ranking
     from feeder_sim.plate.response import assumption, oscillators, rank_modes
     from feeder_sim.plate.sound import loudness
 
-    _check_actuators(held, source)
+    _check_actuators(mode_file, source)
     _check_volts(volts, source)
     with file_in_errors(source):
-        ranked = rank_modes(held, 0.5 * volts, point_on_plate(near, held, source, "--near"))
-        levels = [loudness(held.modes, {mode.mode: mode.antinode}, mode.frequency) for mode in ranked]
+        ranked = rank_modes(mode_file, 0.5 * volts, point_on_plate(near, mode_file, source, "--near"))
+        levels = [loudness(mode_file.modes, {mode.mode: mode.antinode}, mode.frequency) for mode in ranked]
     print_ranking(ranked, levels, as_json)
-    _say(assumption(oscillators(held)))
+    _say(assumption(oscillators(mode_file)))
 
 
-def print_mode_pairs(held: ModeFile, volts: float, source: Path, as_json: bool) -> None:
+def print_mode_pairs(mode_file: ModeFile, volts: float, source: Path, as_json: bool) -> None:
     """Print pairs of modes for gathering and throwing apart, at a voltage, peak to peak."""
     from feeder_sim.cli.report import print_pairs
     from feeder_sim.plate.pairs import best_of_each, mode_pairs
     from feeder_sim.plate.response import assumption, oscillators
 
-    _check_actuators(held, source)
+    _check_actuators(mode_file, source)
     _check_volts(volts, source)
     with file_in_errors(source):
-        print_pairs(best_of_each(mode_pairs(held, 0.5 * volts), MOST_PAIRS), as_json)
-    _say(assumption(oscillators(held)))
+        print_pairs(best_of_each(mode_pairs(mode_file, 0.5 * volts), MOST_PAIRS), as_json)
+    _say(assumption(oscillators(mode_file)))
 
 
-def _say(caution: str) -> None:
-    if caution:
-        print(f"feeder-sim: caution: {caution}", file=sys.stderr)
+def _say(warning: str) -> None:
+    if warning:
+        print(f"feeder-sim: warning: {warning}", file=sys.stderr)
 
 
-def _check_actuators(held: ModeFile, source: Path) -> None:
-    if not held.actuators:
+def _check_actuators(mode_file: ModeFile, source: Path) -> None:
+    if not mode_file.actuators:
         raise InputError("has no actuator, allowed is a plate with at least one [[actuator]]", file=source)
 
 
@@ -210,7 +210,7 @@ def _check_volts(volts: float, source: Path) -> None:
         raise InputError(f"is {volts:g}, allowed is above 0 and up to {HIGHEST_VOLTS:g}", file=source, key="--volts")
 
 
-def point_on_plate(text: str | None, held: ModeFile, source: Path, option: str) -> tuple[float, float] | None:
+def point_on_plate(text: str | None, mode_file: ModeFile, source: Path, option: str) -> tuple[float, float] | None:
     """The point x,y [mm] of an option in [m]; None where it is not given.
 
     Raises:
@@ -218,7 +218,7 @@ def point_on_plate(text: str | None, held: ModeFile, source: Path, option: str) 
     """
     if text is None:
         return None
-    plate = held.modes.plate
+    plate = mode_file.modes.plate
     try:
         x, y = (1e-3 * float(number) for number in text.split(","))
     except ValueError:
@@ -232,7 +232,7 @@ def point_on_plate(text: str | None, held: ModeFile, source: Path, option: str) 
     return x, y
 
 
-def amplitudes_of(held: ModeFile, names: list[str], volts: float, source: Path) -> NDArray[np.complex128]:
+def amplitudes_of(mode_file: ModeFile, names: list[str], volts: float, source: Path) -> NDArray[np.complex128]:
     """Complex amplitude [V] of every actuator when those named are driven in phase by `volts`, peak to peak.
 
     Raises:
@@ -240,9 +240,9 @@ def amplitudes_of(held: ModeFile, names: list[str], volts: float, source: Path) 
     """
     from feeder_sim.plate.response import voltages
 
-    known = [each.name for each in held.actuators]
+    actuator_names = [each.name for each in mode_file.actuators]
     for name in names:
-        if name not in known:
-            raise Unknown(name, known, file=source, key="--actuator")
+        if name not in actuator_names:
+            raise Unknown(name, actuator_names, file=source, key="--actuator")
     _check_volts(volts, source)
-    return voltages(held, list(dict.fromkeys(names)), 0.5 * volts, [0.0] * len(set(names)))
+    return voltages(mode_file, list(dict.fromkeys(names)), 0.5 * volts, [0.0] * len(set(names)))

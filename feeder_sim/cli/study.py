@@ -71,7 +71,7 @@ READERS: dict[str, Callable[[str], float]] = {
 
 def options_of(question: type[Question]) -> list[inspect.Parameter]:
     """The fields of a question as options, with their limits and descriptions."""
-    found = []
+    options = []
     for name, field in question.model_fields.items():
         kind: Any = field.annotation
         as_text, default = name in READERS, field.get_default()
@@ -80,11 +80,11 @@ def options_of(question: type[Question]) -> list[inspect.Parameter]:
         elif get_origin(kind) is tuple:
             kind, default = (list[str], inspect.Parameter.empty) if field.is_required() else (list[str] | None, None)
         limits = {"min": "ge", "max": "le"}
-        held = {name: getattr(part, of) for name, of in limits.items() for part in field.metadata if hasattr(part, of)}
-        option = typer.Option(option_of(name), help=field.description, **({} if as_text else held))
+        span = {name: getattr(part, of) for name, of in limits.items() for part in field.metadata if hasattr(part, of)}
+        option = typer.Option(option_of(name), help=field.description, **({} if as_text else span))
         annotation: Any = Annotated[kind, option]
-        found.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation))
-    return found
+        options.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation))
+    return options
 
 
 def study_command(name: str, title: str) -> Any:
@@ -109,27 +109,27 @@ def study_command(name: str, title: str) -> Any:
             str | None, typer.Option("--task", help="I/N: only every N-th point from the I-th on, for job arrays.")
         ] = None,
         as_json: AsJson = False,
-        **given: Any,
+        **options: Any,
     ) -> None:
         scenario, share = scenario_of(scenario_file, engine, None, seed, settings), _task_of(task)
         with file_in_errors(scenario_file):
             from feeder_sim.jobs import workers as jobs
             from feeder_sim.studies.ask import ask, folder_of
 
-            read = {name: READERS[name](v) if name in READERS and v is not None else v for name, v in given.items()}
+            read = {name: READERS[name](v) if name in READERS and v is not None else v for name, v in options.items()}
             question = kind.of(**read)
             folder = folder_of(question, scenario, out, name=scenario_file.stem, share=share)
             with stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
-                told: dict[str, Any] = {"stop": stop, "progress": progress, "notify": notify}
+                reporting: dict[str, Any] = {"stop": stop, "progress": progress, "notify": notify}
                 workers_of = jobs.workers_of(workers, dask)
-                study = ask(question, scenario, workers_of, folder, file=scenario_file, share=share, **told)
-            shown(study, folder.path, as_json)
+                study = ask(question, scenario, workers_of, folder, file=scenario_file, share=share, **reporting)
+            print_study(study, folder.path, as_json)
         finish(study, goes_on="the same command goes on")
 
     place = typer.Option("--out", help=f"Folder of the answer [{kind.base}/NAME].")
-    own = {name: p for name, p in inspect.signature(asks, eval_str=True).parameters.items() if name != "given"}
-    own["out"] = own["out"].replace(annotation=Annotated[Path | None, place])
-    order = [own.pop("scenario_file"), *options_of(kind), *own.values()]
+    parameters = {name: p for name, p in inspect.signature(asks, eval_str=True).parameters.items() if name != "options"}
+    parameters["out"] = parameters["out"].replace(annotation=Annotated[Path | None, place])
+    order = [parameters.pop("scenario_file"), *options_of(kind), *parameters.values()]
     asks.__signature__ = inspect.Signature(order)  # type: ignore[attr-defined]
     asks.__annotations__ = {parameter.name: parameter.annotation for parameter in order}
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
@@ -147,11 +147,11 @@ def merge(
 
     with options_in_errors():
         study = merged(folder, measure)
-    shown(study, folder, as_json, measure)
+    print_study(study, folder, as_json, measure)
     finish(study, measure, goes_on="the tasks that are missing can be run again", code=FeederSimError.exit_code)
 
 
-def shown(study: Study, folder: Path, as_json: bool, measure: str | None = None) -> None:
+def print_study(study: Study, folder: Path, as_json: bool, measure: str | None = None) -> None:
     """Print what there is; measure: to show."""
     if as_json:
         print(json.dumps({"folder": str(folder), **study.as_json(measure)}))
@@ -171,7 +171,7 @@ def finish(study: Study, measure: str | None = None, *, goes_on: str, code: int 
     """
     for remark in study.remarks(measure):
         if remark.tone != "note":
-            notify(f"caution: {remark.text}" if remark.tone == "caution" else remark.text)
+            notify(f"warning: {remark.text}" if remark.tone == "warning" else remark.text)
     for failure in study.failures[:3]:
         typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
     if not study.complete:

@@ -62,8 +62,8 @@ def progress_bar(title: str, stop: Stop | None = None) -> Iterator[Callable[[flo
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    shown = console.is_terminal
-    with Progress(*columns, console=console, disable=not shown, transient=True, speed_estimate_period=30.0) as bars:
+    is_tty = console.is_terminal
+    with Progress(*columns, console=console, disable=not is_tty, transient=True, speed_estimate_period=30.0) as bars:
         task = bars.add_task(printable(title), total=1.0)
 
         def show(fraction: float) -> None:

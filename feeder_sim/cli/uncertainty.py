@@ -47,7 +47,7 @@ def uncertain_lines(study: Study) -> str:
     return "\n".join(f"  {line}" for line in lines)
 
 
-def keep_asked(scenario: Scenario, run: Path, inputs: int) -> None:
+def record_inputs(scenario: Scenario, run: Path, inputs: int) -> None:
     """Note how many draws were asked for in the folder of a run that has not come to them."""
     from feeder_sim.studies.ask import folder_of
     from feeder_sim.studies.uncertainty.uncertainty import UncertaintyQuestion
@@ -58,27 +58,27 @@ def keep_asked(scenario: Scenario, run: Path, inputs: int) -> None:
             pass
 
 
-def inputs_asked(run: Path, given: int | None) -> int:
-    """How many draws a run goes on with: as many as its folder says, or else those that are given.
+def recorded_inputs(run: Path, request: int | None) -> int:
+    """How many draws a run goes on with: as many as its folder says, or else those that are requested.
 
     Raises:
-        InputError: another number is given than the folder says, or what it says cannot be read.
+        InputError: another number is requested than the folder says, or what it says cannot be read.
     """
     file = run / FOLDER / f"{FOLDER}.toml"
     try:
-        asked = tomllib.loads(file.read_text(encoding="utf-8"))["inputs"]
+        recorded = tomllib.loads(file.read_text(encoding="utf-8"))["inputs"]
     except (FileNotFoundError, NotADirectoryError):
-        return given or DRAWS
+        return request or DRAWS
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"does not say what was asked: {error}", file=file) from error
-    if type(asked) is not int or asked < SEEDS:
-        raise NotAllowed(asked, "a whole number of at least 2", file=file, key="inputs")
-    if given not in (None, asked):
-        raise InputError(f"is {given}, allowed is {asked}, which the run was begun with", file=run, key="--inputs")
-    return asked
+    if type(recorded) is not int or recorded < SEEDS:
+        raise NotAllowed(recorded, "a whole number of at least 2", file=file, key="inputs")
+    if request not in (None, recorded):
+        raise InputError(f"is {request}, allowed is {recorded}, which the run was begun with", file=run, key="--inputs")
+    return recorded
 
 
-def left_uncertain(run: Path) -> bool:
+def is_uncertainty_pending(run: Path) -> bool:
     """Whether a run has ended, but not its uncertain inputs."""
     from feeder_sim.run.run_folder import RESOLVED, SUMMARY
 

@@ -36,7 +36,7 @@ class Text:
 
     kind: ClassVar[str] = "text"
     text: str
-    tone: Literal["plain", "note", "caution", "failure", "code"] = "plain"
+    tone: Literal["plain", "note", "warning", "failure", "code"] = "plain"
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ class Table:
         from rich.table import Table as RichTable
         from rich.text import Text as RichText
 
-        drawn = RichTable(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        table = RichTable(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         for i, name in enumerate(self.head):
-            drawn.add_column(RichText(name), justify="right" if i >= self.numbers_from else "left", no_wrap=True)
+            table.add_column(RichText(name), justify="right" if i >= self.numbers_from else "left", no_wrap=True)
         for row in self.rows:
-            drawn.add_row(*map(RichText, row))
-        return [*([self.caption] if self.caption else []), *_lines_of(drawn)]
+            table.add_row(*map(RichText, row))
+        return [*([self.caption] if self.caption else []), *_lines_of(table)]
 
     @staticmethod
     def of(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str], *, numbers_from: int = 0) -> Table:
@@ -130,9 +130,9 @@ class Document:
             lines.append(f"{tile.label}: {tile.value} {tile.unit} {tile.note}".rstrip())
         lines += [*(notice.text for notice in self.notices), ""]
         for section in self.sections:
-            shown = [block for block in section.blocks if isinstance(block, Text | Table)]
-            lines += [section.title, "-" * len(section.title), ""] if shown else []
-            for block in shown:
+            printed = [block for block in section.blocks if isinstance(block, Text | Table)]
+            lines += [section.title, "-" * len(section.title), ""] if printed else []
+            for block in printed:
                 lines += [*(block.lines() if isinstance(block, Table) else block.text.splitlines()), ""]
         return "\n".join(escaped(line) for line in [*lines, self.foot])
 
@@ -152,12 +152,12 @@ def _template(name: str) -> Any:
     return environment.get_template(f"{name}.html.j2")
 
 
-def _lines_of(drawn: Any) -> list[str]:
+def _lines_of(renderable: Any) -> list[str]:
     """What rich draws, as lines that are never wrapped."""
     from rich.console import Console
 
     console = Console(file=io.StringIO(), width=WIDEST_TEXT, color_system=None)
-    console.print(drawn)
+    console.print(renderable)
     assert isinstance(console.file, io.StringIO)
     return [line.rstrip() for line in console.file.getvalue().splitlines()]
 
@@ -166,5 +166,5 @@ def _visible(value: Any) -> Any:
     """Text without control characters and marks that turn its direction, but with its lines."""
     if type(value) is not str:
         return value
-    shown = (c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "replace").decode() for c in value)
-    return "".join(shown)
+    characters = (c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "replace").decode() for c in value)
+    return "".join(characters)

@@ -14,7 +14,7 @@ MOST_TICKS = 12  # of a logarithmic axis
 MM, UM, MS = 1e3, 1e6, 1e3  # per m, per m, per s
 WIDTH = 7.6  # [in] of a figure, that of the page
 PIXELS_PER_INCH = 180  # in the file: sharp in print, and on screens with small pixels
-SHOWN_PER_INCH = 112  # on the page
+PAGE_PIXELS_PER_INCH = 112  # on the page
 WIDEST_SCREENSHOT = 1280  # [pixels]
 STYLE: dict[str, Any] = {
     "font.size": 9.0,
@@ -76,11 +76,11 @@ class Figure:
         from PIL import Image
 
         with Image.open(io.BytesIO(_png([self]))) as image:
-            few = image.convert("RGB").quantize(256, dither=Image.Dither.NONE)
-            scale = SHOWN_PER_INCH / PIXELS_PER_INCH
+            quantized = image.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+            scale = PAGE_PIXELS_PER_INCH / PIXELS_PER_INCH
             size = round(image.width * scale), round(image.height * scale)
         content = io.BytesIO()
-        few.save(content, format="PNG", optimize=True)
+        quantized.save(content, format="PNG", optimize=True)
         return Picture(content.getvalue(), size, self.alt, self.caption)
 
 
@@ -93,13 +93,13 @@ def _png(figures: Sequence[Figure]) -> bytes:
     import matplotlib
 
     with matplotlib.rc_context(cast("Any", STYLE)):
-        whole = empty_figure(sum(f.width for f in figures), max(f.height for f in figures))
-        parts = whole.subfigures(1, len(figures), squeeze=False)[0] if len(figures) > 1 else [whole]
+        sheet = empty_figure(sum(f.width for f in figures), max(f.height for f in figures))
+        parts = sheet.subfigures(1, len(figures), squeeze=False)[0] if len(figures) > 1 else [sheet]
         for part, figure in zip(parts, figures, strict=True):
             figure.draw(part)
-        drawn = io.BytesIO()
-        whole.savefig(drawn, format="png", dpi=PIXELS_PER_INCH, bbox_inches="tight", pad_inches=0.04)
-    return drawn.getvalue()
+        content = io.BytesIO()
+        sheet.savefig(content, format="png", dpi=PIXELS_PER_INCH, bbox_inches="tight", pad_inches=0.04)
+    return content.getvalue()
 
 
 def picture_from(file: Path, *, alt: str, caption: str) -> Picture:
@@ -111,7 +111,7 @@ def picture_from(file: Path, *, alt: str, caption: str) -> Picture:
         content = io.BytesIO()
         image.convert("RGB").save(content, format="JPEG", quality=85, optimize=True)
         width, height = image.size
-    scale = WIDTH * SHOWN_PER_INCH / width
+    scale = WIDTH * PAGE_PIXELS_PER_INCH / width
     return Picture(content.getvalue(), (round(width * scale), round(height * scale)), alt, caption)
 
 

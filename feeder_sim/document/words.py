@@ -131,8 +131,8 @@ def worded(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{split_unit(key)[0]} {worded_in(key, inner)}" for key, inner in value.items())
     if isinstance(value, Sequence) and not isinstance(value, str):
-        between = "; " if any(isinstance(inner, Mapping) for inner in value) else ", "
-        return between.join(worded(inner) for inner in value)
+        separator = "; " if any(isinstance(inner, Mapping) for inner in value) else ", "
+        return separator.join(worded(inner) for inner in value)
     text = str(value)
     return text if len(text) <= LONGEST_CELL else f"{text[: LONGEST_CELL - 3]}..."
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 from pathlib import Path
 
-import llvmlite.binding
 import mujoco
 
 from feeder_sim.errors import FeederSimError
@@ -27,8 +27,8 @@ def load_mujoco_symbols() -> None:
     if library is None:
         raise FeederSimError(f"MuJoCo's library is missing in {folder}, install the package mujoco again")
     try:
-        llvmlite.binding.load_library_permanently(str(library))
-    except RuntimeError as error:
+        ctypes.CDLL(str(library), ctypes.RTLD_GLOBAL)
+    except OSError as error:
         raise FeederSimError(f"MuJoCo's library is damaged ({error}), install the package mujoco again") from error
 
 

@@ -6,11 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.core import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from feeder_sim.machine_code import inlined
+from feeder_sim.machine_code import inlined, is_none, overload
 from feeder_sim.plate.outline import Outline
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Run
@@ -60,14 +58,14 @@ def edge_distance(outline, x, y, needed):
 
 @overload(off_plate)
 def _off_plate(outline, x, y):
-    if isinstance(outline, types.NoneType):
+    if is_none(outline):
         return lambda outline, x, y: False
     return lambda outline, x, y: _distance(outline, x, y, 0.0) < -ON_EDGE
 
 
 @overload(edge_distance)
 def _edge_distance(outline, x, y, needed):
-    if isinstance(outline, types.NoneType):
+    if is_none(outline):
         return lambda outline, x, y, needed: np.inf
     return lambda outline, x, y, needed: _distance(outline, x, y, needed)
 

@@ -102,14 +102,14 @@ class Catalogue:
 
     def _number_of_table(self, stage: Stage) -> int:
         """Number of a table that is known, but perhaps for its name, or can be added."""
-        for number, known in enumerate(self._stages):
-            if stage == known or (not stage.name and stage == known.model_copy(update={"name": ""})):
+        for number, existing in enumerate(self._stages):
+            if stage == existing or (not stage.name and stage == existing.model_copy(update={"name": ""})):
                 return number
         before = self.prepared
         self._name(stage)
         try:
             after = self._prepared()
-            _check_same(before, after)
+            _check_unchanged(before, after)
         except InputError:
             self._stages.pop()
             raise
@@ -141,7 +141,7 @@ def _checked(stage: Stage | Mapping[str, Any]) -> Stage:
     return stage if isinstance(stage, Stage) else validated(dict(stage), Stage, STAGE)
 
 
-def _check_same(before: Prepared, after: Prepared) -> None:
+def _check_unchanged(before: Prepared, after: Prepared) -> None:
     """Refuse a stage that changes more of a scene than its drives."""
     old, new = before.scene, after.scene
     if old.surface.table.shape != new.surface.table.shape or not np.array_equal(old.surface.table, new.surface.table):

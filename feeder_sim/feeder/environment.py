@@ -145,13 +145,13 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
     def _observe(self, poses: Poses) -> Observation:
         scene: Scene = self._ready.scene
         n, part = len(scene.parts), poses.part
-        present, place, turn = np.zeros(n, np.int8), np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-        present[part], place[part], turn[part] = 1, poses.position, poses.quaternion
+        is_on_plate, place, turn = np.zeros(n, np.int8), np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+        is_on_plate[part], place[part], turn[part] = 1, poses.position, poses.quaternion
         lying = np.zeros(n, np.int64)
         for i, name in zip(part, poses.pose, strict=True):
             lying[i] = 0 if name is None else 1 + scene.poses[scene.kind_of[i]].names.index(name)
         return {
-            "present": present,
+            "present": is_on_plate,
             "position": np.clip(place, -self._reach, self._reach),
             "quaternion": np.clip(turn, -1.0, 1.0),
             "kind": scene.kind_of.astype(np.int64),

@@ -36,7 +36,7 @@ from feeder_sim.scene.fits import check_pick
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
 
-MOST_SHOWN = 8  # of the stages that have been run, in a notebook
+MOST_LISTED = 8  # of the stages that have been run, in a notebook
 
 
 class Feeder:
@@ -87,7 +87,7 @@ class Feeder:
         return line(f"Feeder{title} at {self.time:.6g} s: {there}, {counted(len(self._sequence), 'stage')} run{closed}")
 
     def _repr_html_(self) -> str:
-        last = ["..."] * (len(self._sequence) > MOST_SHOWN) + list(self.sequence[-MOST_SHOWN:])
+        last = ["..."] * (len(self._sequence) > MOST_LISTED) + list(self.sequence[-MOST_LISTED:])
         lines = [labelled("can run", ", ".join(self.stage_names)), labelled("has run", ", ".join(last) or "nothing")]
         folder = [labelled("recorded in", str(self._folder))] if self._folder else []
         return block(repr(self)[1:-1], [*lines, *folder])
@@ -147,13 +147,13 @@ class Feeder:
         self._check_open()
         if (stage is None) == (not values):
             raise InputError("allowed is exactly one: a stage, or the values of one as keywords", key="vibrate")
-        known = len(self.stage_names)
+        n_stages = len(self.stage_names)
         number = self._catalogue.number(validated(values, Stage, Path("stage")) if stage is None else stage)
         if self._run.status != Status.UNFINISHED:
             raise InputError(
                 "no part is left on the plate, allowed is a scenario with [refill] to go on", key="vibrate"
             )
-        if len(self.stage_names) > known:
+        if len(self.stage_names) > n_stages:
             self._run.widen(self._catalogue.prepared)
         if not self._began and self._folder is None:
             self._run.forget()
@@ -185,7 +185,7 @@ class Feeder:
             raise InputError("names a part twice, allowed is once", key="pick")
         if len(chosen):
             self._by_hand = True
-            self._run.take_out(chosen.astype(np.int64))
+            self._run.pick(chosen.astype(np.int64))
         return chosen.astype(np.int64)
 
     def pick_by(self, rule: Pick | Mapping[str, Any]) -> NDArray[np.int64]:
@@ -212,11 +212,11 @@ class Feeder:
             InputError: n is no whole number from 1 to that of all parts, or the scenario has no [refill].
         """
         self._check_open()
-        wanted = check_whole(n, "refill", most=len(self._catalogue.prepared.scene.parts))
+        requested = check_whole(n, "refill", most=len(self._catalogue.prepared.scene.parts))
         if self._catalogue.prepared.scenario.refill is None:
             raise InputError("is missing, allowed is a scenario that says where new parts come from", key="refill")
         self._by_hand = True
-        return self._run.bring_in(wanted)
+        return self._run.bring_in(requested)
 
     def record(self, folder: str | Path, *, replay: bool = True) -> Self:
         """Write all that is done from the start on into a run folder, when the feeder is closed; returns the feeder.

@@ -24,8 +24,8 @@ from feeder_sim.scenario import Scenario
 SCENARIO, JOURNAL, LOCK = "scenario.toml", "journal", ".lock"
 WRITING = f"{LOCK}-question"  # held while the question is written
 WAIT_S = 30.0  # [s] for another task that writes the same question
-_LEFT_BY_A_KILL = re.compile(r"\.lock(-[a-z0-9-]+)?|.*\.partial")
-_MARK = "# question "
+_LEFTOVERS = re.compile(r"\.lock(-[a-z0-9-]+)?|.*\.partial")
+_IDENTITY_PREFIX = "# question "
 
 
 class WorkFolder:
@@ -60,18 +60,18 @@ class WorkFolder:
         share: tuple[int, int] | None = None,
         own: tuple[str, ...] = (),
     ) -> None:
-        self._own = (kind, SCENARIO, *own)
+        self._written = (kind, SCENARIO, *own)
         self._foreign_locks = tuple(f"{name}.lock" for name in own)  # links by which Optuna locks its journal
         self.path, self._kind, self._scenario = path, kind, scenario
-        self._text = f"{mark_of(scenario, same)}\n{question}"
+        self._text = f"{identity_line(scenario, same)}\n{question}"
         suffix = f"-{share[0]}-of-{share[1]}" if share else ""
         self.journal = path / f"{JOURNAL}{suffix}.jsonl"
         self._lock = path / f"{LOCK}{suffix}"
         check_work_folder(path, kind)
-        self._check_same()
-        self._held = contextlib.ExitStack()
-        self._shared, self._begun = share is not None, False
-        self._made: list[Path] = []  # folders that were not there, innermost first
+        self._check_identity()
+        self._context = contextlib.ExitStack()
+        self._shared, self._is_new = share is not None, False
+        self._new_folders: list[Path] = []  # folders that were not there, innermost first
 
     @property
     def journals(self) -> list[Path]:
@@ -85,18 +85,18 @@ class WorkFolder:
             InputError: another process works on the same share, or has asked something else meanwhile.
             RecordingFailed: it cannot be written.
         """
-        self._made = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
+        self._new_folders = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise not_written(self.path, error) from error
         check_no_links(self.path, self._foreign_locks)
-        self._held.enter_context(holding(self._lock))
+        self._context.enter_context(holding(self._lock))
         for name in self._foreign_locks:  # nobody else works here: a kill has left it
             (self.path / name).unlink(missing_ok=True)
         with holding(self.path / WRITING, WAIT_S):
-            self._check_same()
-            self._begun = not (self.path / self._kind).exists()
+            self._check_identity()
+            self._is_new = not (self.path / self._kind).exists()
             self._write_changed(self._kind, self._text)  # first: it tells that the folder is ours
             self._write_changed(SCENARIO, self.carried(self._scenario))
         return self
@@ -105,13 +105,13 @@ class WorkFolder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         # Other tasks of a job array may work in the folder by now; their question does not hang on the measure.
-        remove = isinstance(error, InputError) and self._begun and not self._shared and self._holds_failures_alone()
+        remove = isinstance(error, InputError) and self._is_new and not self._shared and self._holds_failures_alone()
         if remove:
-            self._remove_own()
-        self._held.close()
+            self._remove_written()
+        self._context.close()
         if remove:
             self._lock.unlink(missing_ok=True)
-            for folder in self._made:
+            for folder in self._new_folders:
                 with contextlib.suppress(OSError):  # something else is in it
                     folder.rmdir()
 
@@ -119,9 +119,9 @@ class WorkFolder:
         """Whether no seed has come to anything: those that cannot be run do not tell which measures there are."""
         return all(entry.get("failure") for journal in self.journals for entry in read_journal(journal))
 
-    def _remove_own(self) -> None:
+    def _remove_written(self) -> None:
         """Remove what was written since the question began; what a user has put there meanwhile stays."""
-        for file in (*(self.path / name for name in self._own), *self.journals, self.path / WRITING):
+        for file in (*(self.path / name for name in self._written), *self.journals, self.path / WRITING):
             with contextlib.suppress(OSError):
                 file.unlink()
         shutil.rmtree(self.path / INPUTS, ignore_errors=True)
@@ -147,31 +147,31 @@ class WorkFolder:
         if not file.is_file() or file.read_bytes() != text.encode():
             write_whole(file, text.encode())
 
-    def _check_same(self) -> None:
+    def _check_identity(self) -> None:
         """Refuse the folder of another question."""
-        told = _mark_in(self.path / self._kind)
-        if told is not None and told != self._text.partition("\n")[0]:
+        identity = _identity_in(self.path / self._kind)
+        if identity is not None and identity != self._text.partition("\n")[0]:
             problem = f"holds another question ({self._kind}), allowed is a new folder or that of the same question"
             raise InputError(problem, file=self.path, argument="out")
 
 
 def usual_folder(base: Path, name: str, kind: str, scenario: Scenario, same: str = "") -> Path:
     """The first of BASE/NAME, BASE/NAME-2, ... that is free or has the same question; arguments as for `WorkFolder`."""
-    mark = mark_of(scenario, same)
+    identity = identity_line(scenario, same)
     for number in itertools.count(1):
         folder = base / (name if number == 1 else f"{name}-{number}")
-        if not folder.exists() or _mark_in(folder / kind) == mark:
+        if not folder.exists() or _identity_in(folder / kind) == identity:
             return folder
     raise AssertionError("unreachable")
 
 
-def mark_of(scenario: Scenario, same: str) -> str:
+def identity_line(scenario: Scenario, same: str) -> str:
     """The first line of the file that says what was asked."""
     text = content_text([scenario.model_dump(exclude={"title": True, "format": True, "run": {"seeds"}}), same])
-    return f"{_MARK}{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    return f"{_IDENTITY_PREFIX}{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
-def _mark_in(file: Path) -> str | None:
+def _identity_in(file: Path) -> str | None:
     """The mark of the question in a file; None without one."""
     try:
         with file.open(encoding="utf-8") as lines:
@@ -188,9 +188,9 @@ def check_work_folder(path: Path, kind: str) -> None:
     """
     if path.exists() and not path.is_dir():
         raise InputError("is not a folder", file=path, argument="out")
-    held = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
-    foreign = [name for name in held if not _LEFT_BY_A_KILL.fullmatch(name)]
-    if kind not in held and foreign:
+    names = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
+    foreign = [name for name in names if not _LEFTOVERS.fullmatch(name)]
+    if kind not in names and foreign:
         problem = f"holds {foreign[0]} and no {kind}, allowed is a new folder or one that has it"
         raise InputError(problem, file=path, argument="out")
 

@@ -108,35 +108,35 @@ class Ledger:
     Args:
         journals: that hold what is done.
         path: journal that takes what comes; None to keep it in memory alone.
-        mark: of seeds that are measured in another way than usual: only those of the same mark count.
+        measures_identity: of seeds that are measured in another way than usual: only those of the same one count.
     """
 
-    def __init__(self, journals: Sequence[Path] = (), path: Path | None = None, mark: str = "") -> None:
-        self._path, self._mark = path, mark
+    def __init__(self, journals: Sequence[Path] = (), path: Path | None = None, measures_identity: str = "") -> None:
+        self._path, self._measures_identity = path, measures_identity
         self._journal: Journal | None = None
-        self._done: dict[str, dict[int, SeedValues]] = {}
+        self._completed: dict[str, dict[int, SeedValues]] = {}
         for journal in journals:
             for entry in read_journal(journal):
                 with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):  # of another program
                     seed = SeedValues.of_entry(entry)
-                    self._done.setdefault(str(entry["case"]), {})[seed.seed] = seed
+                    self._completed.setdefault(str(entry["case"]), {})[seed.seed] = seed
 
     def __len__(self) -> int:
-        return sum(map(len, self._done.values()))
+        return sum(map(len, self._completed.values()))
 
     def __iter__(self) -> Iterator[SeedValues]:
-        return (seed for seeds in self._done.values() for seed in seeds.values())
+        return (seed for seeds in self._completed.values() for seed in seeds.values())
 
     def seeds_of(self, identity: str) -> dict[int, SeedValues]:
         """The seeds of a scenario that are done."""
-        return dict(self._done.get(identity + self._mark, {}))
+        return dict(self._completed.get(identity + self._measures_identity, {}))
 
     def foreign(self, identities: Collection[str] | None) -> int:
         """How many seeds are of other scenarios, of another version, or of files that have changed; 0 if not known."""
         if identities is None:
             return 0
-        ours = {identity + self._mark for identity in identities}
-        return sum(len(seeds) for identity, seeds in self._done.items() if identity not in ours)
+        ours = {identity + self._measures_identity for identity in identities}
+        return sum(len(seeds) for identity, seeds in self._completed.items() if identity not in ours)
 
     def add(self, identity: str, seed: SeedValues) -> None:
         """Keep a seed that has come back.
@@ -145,7 +145,7 @@ class Ledger:
             RecordingFailed: it cannot be written.
         """
         if self._journal is not None:
-            self._journal.add({"case": identity + self._mark, **seed.as_entry()})
+            self._journal.add({"case": identity + self._measures_identity, **seed.as_entry()})
 
     def __enter__(self) -> Self:
         self._journal = Journal(self._path) if self._path is not None else None

@@ -49,10 +49,10 @@ class Bench:
         progress = progress or self.progress
         return run_work(work, self.workers, stop=self.stop, progress=progress, measures=self.measures)
 
-    def say_foreign(self, others: int) -> None:
+    def say_foreign(self, foreign_seeds: int) -> None:
         """Tell that seeds in the folder are done, and are run anew all the same."""
-        if others:
-            self.say(f"{others} seeds in the folder do not count: they are {FOREIGN}")
+        if foreign_seeds:
+            self.say(f"{foreign_seeds} seeds in the folder do not count: they are {FOREIGN}")
 
     def say(self, line: str) -> None:
         """Tell the user."""
@@ -63,7 +63,7 @@ class Bench:
 AHEAD = 2  # tasks per worker that are handed out
 TASK_S = 0.5  # [s] that a task should take, so that handing it out costs little
 MOST_BREAKS = 5  # of an executor, without a task that was done in between
-LOOK_S = 0.2  # [s] between two looks whether to stop
+STOP_CHECK_S = 0.2  # [s] between two looks whether to stop
 
 P = TypeVar("P")
 
@@ -102,38 +102,38 @@ def run_work(
     """
     stop = stop or threading.Event()
     pending: dict[Future[tuple[SeedValues, ...]], tuple[P, Task]] = {}
-    again: list[tuple[P, Task]] = []
-    breaks, seeds_done, seconds = 0, 0, 0.0
+    requeued: list[tuple[P, Task]] = []
+    breaks, n_completed, seconds = 0, 0, 0.0
     while not stop.is_set():
-        block = max(1, int(TASK_S * seeds_done / seconds)) if seconds > 0.0 else 1
+        block = max(1, int(TASK_S * n_completed / seconds)) if seconds > 0.0 else 1
         broken = False
         while len(pending) < AHEAD * workers.count and not broken:
-            handed = again.pop() if again else work.next(block)
+            handed = requeued.pop() if requeued else work.next(block)
             if handed is None:
                 break
             try:
                 pending[workers.executor.submit(run_task, handed[1], measures)] = handed
             except BrokenExecutor:
-                again.append(handed)
+                requeued.append(handed)
                 broken = True
         if not pending and not broken:
             return True
-        finished, _ = wait(pending, timeout=0.0 if broken else LOOK_S, return_when=FIRST_COMPLETED)
+        finished, _ = wait(pending, timeout=0.0 if broken else STOP_CHECK_S, return_when=FIRST_COMPLETED)
         for future in finished:
             place, task = pending.pop(future)
             try:
-                done = future.result()
+                completed = future.result()
             except BrokenExecutor:
-                again.append((place, task))
+                requeued.append((place, task))
                 broken = True
                 continue
             except workers.lost as error:
                 raise FeederSimError(f"the workers gave a task up: {type(error).__name__}: {error}") from error
             breaks = 0
-            seeds_done, seconds = seeds_done + len(done), seconds + sum(seed.wall_s for seed in done)
-            work.take(place, done)
+            n_completed, seconds = n_completed + len(completed), seconds + sum(seed.wall_s for seed in completed)
+            work.take(place, completed)
         if broken:
-            again += pending.values()  # the executor has given them up as well
+            requeued += pending.values()  # the executor has given them up as well
             pending.clear()
             breaks = _restarted(workers, breaks)
         if progress:

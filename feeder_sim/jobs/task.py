@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from feeder_sim.measures.protocol import Measure
 
 
-# Cautions of many scenarios, such as the points of a sweep: each of them once, and at how many of them it holds.
+# Warnings of many scenarios, such as the points of a sweep: each of them once, and at how many of them it holds.
 #
 # Lines that differ in numbers only are of one kind.
 
@@ -26,7 +26,7 @@ _NUMBER = re.compile(r"(?<![\[\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?(?![\w\]])")  # o
 
 
 @dataclass(frozen=True)
-class Caution:
+class RepeatedWarning:
     """A setting that is known to mislead.
 
     Attributes:
@@ -42,7 +42,7 @@ class Caution:
     numbers_differ: bool = False
 
     def in_words(self, places: str = "points") -> str:
-        """The caution with where it holds, as far as there is more than one place."""
+        """The warning with where it holds, as far as there is more than one place."""
         if self.of == 1:
             return self.text
         where = f"at all {self.of} {places}" if self.at == self.of else f"at {self.at} of {self.of} {places}"
@@ -50,28 +50,28 @@ class Caution:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON takes it."""
-        return {"caution": self.text, "at": self.at, "of": self.of, "numbers_differ": self.numbers_differ}
+        return {"warning": self.text, "at": self.at, "of": self.of, "numbers_differ": self.numbers_differ}
 
     @staticmethod
-    def of_dict(entry: dict[str, Any]) -> Caution:
+    def of_dict(entry: dict[str, Any]) -> RepeatedWarning:
         """From what `as_dict` has made."""
-        return Caution(str(entry["caution"]), int(entry["at"]), int(entry["of"]), bool(entry["numbers_differ"]))
+        return RepeatedWarning(str(entry["warning"]), int(entry["at"]), int(entry["of"]), bool(entry["numbers_differ"]))
 
 
-def cautions_over(places: Iterable[Iterable[SeedValues]]) -> list[Caution]:
-    """The cautions of all places, from the seeds that each has; a place without any does not count.
+def warnings_over(places: Iterable[Iterable[SeedValues]]) -> list[RepeatedWarning]:
+    """The warnings of all places, from the seeds that each has; a place without any does not count.
 
     Those that differ in numbers only are one: a sweep over an amplitude would have one for each point.
     """
     texts: dict[str, list[str]] = {}
     of = 0
     for place in places:
-        told = {seed.cautions for seed in place}
-        of += bool(told)
-        here = {_NUMBER.sub("#", text): text for cautions in sorted(told) for text in cautions}
+        distinct = {seed.warnings for seed in place}
+        of += bool(distinct)
+        here = {_NUMBER.sub("#", text): text for warnings in sorted(distinct) for text in warnings}
         for kind, text in here.items():
             texts.setdefault(kind, []).append(text)
-    return [Caution(found[0], len(found), of, len(set(found)) > 1) for found in texts.values()]
+    return [RepeatedWarning(variants[0], len(variants), of, len(set(variants)) > 1) for variants in texts.values()]
 
 
 def most_frequent(lines: Sequence[str]) -> str:
@@ -98,7 +98,7 @@ class SeedValues:
         values: measures by dotted name, see `values_of_seed`; NaN where it has none.
         wall_s: what it took [s].
         failure: why it has no values, a line; "" otherwise.
-        cautions: settings of its scenario that are known to mislead, a line each; see `feeder_sim.jobs.task`.
+        warnings: settings of its scenario that are known to mislead, a line each; see `feeder_sim.jobs.task`.
         left: whether all its parts have left the plate.
     """
 
@@ -106,23 +106,23 @@ class SeedValues:
     values: dict[str, float]
     wall_s: float
     failure: str = ""
-    cautions: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     left: bool = False
 
     def as_entry(self) -> dict[str, Any]:
         """As JSON takes it, which has no NaN."""
         values = {name: None if math.isnan(value) else value for name, value in self.values.items()}
         entry = {"seed": self.seed, "values": values, "wall_s": self.wall_s, "failure": self.failure}
-        entry |= {"cautions": list(self.cautions)} if self.cautions else {}
+        entry |= {"warnings": list(self.warnings)} if self.warnings else {}
         return entry | ({"left": True} if self.left else {})
 
     @staticmethod
     def of_entry(entry: dict[str, Any]) -> SeedValues:
         """From what `as_entry` has made."""
         values = {name: math.nan if value is None else float(value) for name, value in entry["values"].items()}
-        cautions = tuple(str(line) for line in entry.get("cautions", ()))
+        warnings = tuple(str(line) for line in entry.get("warnings", ()))
         numbers = int(entry["seed"]), values, float(entry["wall_s"])
-        return SeedValues(*numbers, str(entry["failure"]), cautions, bool(entry.get("left")))
+        return SeedValues(*numbers, str(entry["failure"]), warnings, bool(entry.get("left")))
 
 
 @single_threaded
@@ -144,16 +144,16 @@ def run_task(task: Task, measures: tuple[Measure[Any, Any], ...] = ()) -> tuple[
     if isinstance(prepared, InputError):
         return tuple(SeedValues(seed, {}, 0.0, str(prepared)) for seed in task.seeds)
     prepared = replace(prepared, measures=measures)
-    done, cautions = [], prepared.cautions
+    completed, warnings = [], prepared.warnings
     for seed in task.seeds:
         started = time.perf_counter()
         try:
             result = run_one_seed(prepared, seed)
         except InputError as error:  # no room for its parts
-            done.append(SeedValues(seed, {}, time.perf_counter() - started, str(error), cautions))
+            completed.append(SeedValues(seed, {}, time.perf_counter() - started, str(error), warnings))
             continue
         failure = str(result.failure) if result.failure else ""
         values = {} if failure else values_of_seed(prepared, result)
         left = result.status == Status.LEFT_PLATE
-        done.append(SeedValues(seed, values, time.perf_counter() - started, failure, cautions, left))
-    return tuple(done)
+        completed.append(SeedValues(seed, values, time.perf_counter() - started, failure, warnings, left))
+    return tuple(completed)

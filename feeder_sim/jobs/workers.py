@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from typing import Any
 
 from feeder_sim.errors import InputError, MissingExtra, quoted
@@ -48,7 +47,7 @@ def local_workers(count: int | None = None) -> Iterator[Workers]:
     _check_main()
     count = count or available_cores()
     context = multiprocessing.get_context("spawn")
-    pools: list[tuple[ProcessPoolExecutor, Connection]] = []
+    pools: list[tuple[ProcessPoolExecutor, Any]] = []  # with our end of a pipe, whose class goes by the platform
 
     def start() -> Executor:
         end, alive = context.Pipe()
@@ -81,7 +80,7 @@ def _check_main() -> None:
         raise InputError(problem, argument="workers")
 
 
-def _live_with(end: Connection) -> None:
+def _live_with(end: Any) -> None:
     """Tell that this process has begun; end it as soon as the one that has started it ends or closes its end."""
     import signal
 

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.protocol import Found, Measure, labelled
+from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory import SAME_TIME, Frames
@@ -22,7 +22,7 @@ from feeder_sim.scene.scene import Scene
 
 
 @dataclass(frozen=True, repr=False)
-class TransportStage(Found):
+class TransportStage(FindingsBase):
     """One stage, over the seeds that reached its end.
 
     Attributes:
@@ -40,7 +40,7 @@ class TransportStage(Found):
 
 
 @dataclass(frozen=True, repr=False)
-class ArrivalFindings(Found):
+class ArrivalFindings(FindingsBase):
     """Findings over the seeds that ran to their end.
 
     Attributes:
@@ -102,11 +102,11 @@ class Arrivals(Measure[ArrivalFindings, SeedArrivals]):
         scene = prepared.scene
 
         def read(seed: Seed) -> SeedArrivals:
-            way = 1e3 * (_mean_place(scene, seed.frames, -1) - _mean_place(scene, seed.frames, 0))
+            displacement = 1e3 * (_mean_place(scene, seed.frames, -1) - _mean_place(scene, seed.frames, 0))
             return SeedArrivals(
                 arrived=arrived(scene, seed.frames),
                 end=scene.stages(seed.stops.tolist())[-1].end,
-                travelled=float(np.hypot(*way)),
+                travelled=float(np.hypot(*displacement)),
                 stages=_stage_ends(scene, seed),
             )
 

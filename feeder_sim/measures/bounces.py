@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
-from feeder_sim.measures.protocol import Found, Measure, labelled
+from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.recording import Recording
 from feeder_sim.records.seed import Events, Seed
@@ -123,7 +123,7 @@ def velocity_record(recording: Recording, *, seed: int, start: float, stop: floa
 
 LEAST_INTERVAL = 0.99  # of a plate period; shorter bounce intervals do not count
 LEAST_FLIGHT = 0.25  # of a plate period; shorter flights are chatter
-REST = 2.0  # plate periods; a steady plate that has not thrown the part off within this time never will
+STEADY_PERIODS = 2.0  # plate periods; a steady plate that has not thrown the part off within this time never will
 PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16)  # that `motion` looks for
 LAST_IMPACTS = 4 * PERIODS[-1]  # from which `motion` finds the period
 BATCHES = 20  # of `batched`
@@ -199,7 +199,7 @@ def motion(impacts: Events, plate_period: float, tolerance: float, *, end: float
         "chaotic" without a period; "resting" if the part does not leave the plate any more; "undecided" after too few
         impacts.
     """
-    if len(impacts) and np.isinf(impacts.until[-1]) and impacts.time[-1] < end - REST * plate_period:
+    if len(impacts) and np.isinf(impacts.until[-1]) and impacts.time[-1] < end - STEADY_PERIODS * plate_period:
         return "resting"
     last = impacts[slice(-LAST_IMPACTS - 1, -1)]  # without the very last contact, which may not be over
     if len(last) < LAST_IMPACTS:
@@ -228,7 +228,7 @@ def batched(seeds: Sequence[NDArray[np.float64]]) -> Statistic:
 
 
 @dataclass(frozen=True, repr=False)
-class BounceFindings(Found):
+class BounceFindings(FindingsBase):
     """Findings over the seeds that ran to their end; `motion`: number of seeds by the name of their motion."""
 
     bounce_interval_ms: Statistic
@@ -259,8 +259,8 @@ class Bounces(Measure[BounceFindings, SeedBounces]):
         plate_period, tolerance = _plate_period(scene), impact_tolerance(prepared)
 
         def read(seed: Seed) -> SeedBounces:
-            (found,) = seed_flights(scene, [seed.impacts])
-            return SeedBounces(found, motion(seed.impacts, plate_period, tolerance, end=float(seed.frames.time[-1])))
+            (flights,) = seed_flights(scene, [seed.impacts])
+            return SeedBounces(flights, motion(seed.impacts, plate_period, tolerance, end=float(seed.frames.time[-1])))
 
         return read
 

@@ -43,10 +43,10 @@ def names_of_measures(prepared: Prepared) -> list[str]:
 
 
 def _values_over(prepared: Prepared, seeds: Sequence[Seed]) -> dict[str, float]:
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     for measure in measures_of(prepared):
-        found |= dict(_numbers(as_json(measure.compute(prepared, seeds)), ""))
-    return found
+        values |= dict(_numbers(as_json(measure.compute(prepared, seeds)), ""))
+    return values
 
 
 def _numbers(value: Any, name: str) -> Iterator[tuple[str, float]]:
@@ -107,56 +107,56 @@ class Measured(ABC):
     @property
     def drift(self) -> DriftFindings:
         """Transport speed, drift velocity and highest rise; not with a schedule."""
-        return self._found(Drift)
+        return self._findings_of(Drift)
 
     @property
     def conveying(self) -> ConveyingFindings:
         """How fast a tray carries parts along."""
-        return self._found(Conveying)
+        return self._findings_of(Conveying)
 
     @property
     def circularconveying(self) -> CircularFindings:
         """How fast a tray that turns about z carries parts round its middle."""
-        return self._found(CircularConveying)
+        return self._findings_of(CircularConveying)
 
     @property
     def bounces(self) -> BounceFindings:
         """Bounce interval, flight height, impact speed and motion; of a part in a guide."""
-        return self._found(Bounces)
+        return self._findings_of(Bounces)
 
     @property
     def separation(self) -> SeparationFindings:
         """Counts at the end of every stage, parts picked and lost; of many parts, or with a schedule."""
-        return self._found(Separation)
+        return self._findings_of(Separation)
 
     @property
     def poses(self) -> PoseFindings:
         """Which side up the parts lie; of many parts, or with a schedule."""
-        return self._found(Poses)
+        return self._findings_of(Poses)
 
     @property
     def refills(self) -> RefillFindings:
         """Parts that came with refills."""
-        return self._found(Refills)
+        return self._findings_of(Refills)
 
     @property
     def rate(self) -> RateFindings:
         """Picks per minute, and where the time goes; of cycles with a pick."""
-        return self._found(Rate)
+        return self._findings_of(Rate)
 
     @property
     def arrivals(self) -> ArrivalFindings:
         """Parts that reach the goal of a schedule."""
-        return self._found(Arrivals)
+        return self._findings_of(Arrivals)
 
     @property
     def circulation(self) -> WaveFindings:
         """Waves of modes that are driven together, and what they do to parts."""
-        return self._found(Circulation)
+        return self._findings_of(Circulation)
 
-    def _found(self, measure: type[Measure[Findings, Any]]) -> Findings:
-        for applied, found in self.findings:
+    def _findings_of(self, measure: type[Measure[Findings, Any]]) -> Findings:
+        for applied, findings in self.findings:
             if type(applied) is measure:
-                return found
+                return findings
         names = ", ".join(applied.name for applied, _ in self.findings)
         raise NotMeasured(f"is not measured of this scenario, measured are {names}", key=measure.__name__.lower())

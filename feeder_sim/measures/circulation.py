@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.protocol import Found, Measure, labelled
+from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.stage_lines import once_for_scene
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.wave import Track, Wave, crest_track, still_points
@@ -98,14 +98,14 @@ def circulation(scene: Scene, track: Track, frames: Frames, start: float, stop: 
     before, after = frames.position[rows[:-1]], frames.position[rows[1:]]
     distance, nearest = cKDTree(track.points).query(before[..., :2].reshape(-1, 2))
     on_plate = scene.on_plate(frames)[rows[1:]]
-    counted = (distance.reshape(before.shape[:2]) < ON_TRACK) & on_plate
+    is_on_track = (distance.reshape(before.shape[:2]) < ON_TRACK) & on_plate
     along = ((after - before)[..., :2] * track.tangent[nearest].reshape(*before.shape[:2], 2)).sum(axis=-1)
     speed = along / np.diff(frames.time[rows])[:, None]
-    return float(speed[counted].mean()) if counted.any() else float("nan")
+    return float(speed[is_on_track].mean()) if is_on_track.any() else float("nan")
 
 
 @dataclass(frozen=True, repr=False)
-class WaveDescription(Found):
+class WaveDescription(FindingsBase):
     """A wave without parts, in numbers; what belongs to the track is None where there is none.
 
     Attributes:
@@ -142,7 +142,7 @@ class WaveFinding(WaveDescription):
 
 
 @dataclass(frozen=True, repr=False)
-class WaveFindings(Found):
+class WaveFindings(FindingsBase):
     """One entry per stage that makes a wave."""
 
     waves: tuple[WaveFinding, ...]

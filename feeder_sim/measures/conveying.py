@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.protocol import Found, Measure, labelled
+from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.mode_shapes import Rigid
 from feeder_sim.records.seed import Seed, Status
@@ -28,7 +28,7 @@ LEAST_S = 0.1  # on the tray after that
 
 
 @dataclass(frozen=True, repr=False)
-class ConveyingFindings(Found):
+class ConveyingFindings(FindingsBase):
     """Findings over the seeds that ran to their end or until all parts had left.
 
     Attributes:
@@ -41,7 +41,7 @@ class ConveyingFindings(Found):
 
 
 @dataclass(frozen=True, repr=False)
-class CircularFindings(Found):
+class CircularFindings(FindingsBase):
     """Findings over the same seeds.
 
     Attributes:

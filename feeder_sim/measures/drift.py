@@ -17,7 +17,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.protocol import Found, Measure, labelled
+from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.surface import Surface
 from feeder_sim.records.seed import Seed
@@ -29,7 +29,7 @@ AT_ONCE = 200  # distances that are computed
 
 
 @dataclass(frozen=True, repr=False)
-class DriftFindings(Found):
+class DriftFindings(FindingsBase):
     """Findings over the seeds that ran to their end; `arrived` is the number of seeds with a transport speed."""
 
     transport_speed_mm_s: Statistic
@@ -112,15 +112,15 @@ class Drift(Measure[DriftFindings, SeedDrift]):
         return lines
 
 
-def first_passage(time: NDArray[np.float64], way: NDArray[np.float64], level: float) -> float:
-    """Time [s] at which `way` (n,) first falls to `level`, interpolated between times (n,); NaN if it never does."""
-    below = np.flatnonzero(way <= level)
+def first_passage(time: NDArray[np.float64], distance: NDArray[np.float64], level: float) -> float:
+    """Time [s] when `distance` (n,) first falls to `level`, interpolated between times (n,); NaN if it never does."""
+    below = np.flatnonzero(distance <= level)
     if not len(below):
         return math.nan
     i = int(below[0])
     if i == 0:
         return float(time[0])
-    fraction = (way[i - 1] - level) / (way[i - 1] - way[i])
+    fraction = (distance[i - 1] - level) / (distance[i - 1] - distance[i])
     return float(time[i - 1] + fraction * (time[i] - time[i - 1]))
 
 
@@ -147,10 +147,10 @@ def transport_speed(
 
 def drift_velocity(frames: Frames) -> NDArray[np.float64]:
     """Mean horizontal velocity [m/s] of the parts of one seed that are present at the end, shape (2,)."""
-    elapsed, present = frames.time[-1] - frames.time[0], frames.present[-1]
-    if not elapsed > 0 or not present.any():
+    elapsed, at_end = frames.time[-1] - frames.time[0], frames.present[-1]
+    if not elapsed > 0 or not at_end.any():
         return np.full(2, math.nan)
-    moved = frames.position[-1, present, :2] - frames.position[0, present, :2]
+    moved = frames.position[-1, at_end, :2] - frames.position[0, at_end, :2]
     return np.asarray(moved.mean(axis=0) / elapsed)
 
 

@@ -58,9 +58,9 @@ class FunctionMeasure(Measure[dict[str, Statistic], float]):
         return {self.name: Statistic.of(readings)}
 
     def lines(self, prepared: Prepared, findings: dict[str, Statistic]) -> list[str]:
-        found = findings[self.name]
-        spread = f" +- {found.se:.2g} (SE)" if math.isfinite(found.se) else ""
-        return [labelled(self.name, f"{found.mean:.4g}{spread}, n = {found.n}")]
+        statistic = findings[self.name]
+        spread = f" +- {statistic.se:.2g} (SE)" if math.isfinite(statistic.se) else ""
+        return [labelled(self.name, f"{statistic.mean:.4g}{spread}, n = {statistic.n}")]
 
     @property
     def identity(self) -> str:
@@ -71,33 +71,33 @@ class FunctionMeasure(Measure[dict[str, Statistic], float]):
             return f"{self.name} {self._function!r}"
 
 
-def as_measure(given: Any, name: str = "") -> Measure[Any, Any]:
+def as_measure(candidate: Any, name: str = "") -> Measure[Any, Any]:
     """A measure, or a function as one.
 
     Args:
-        given: a measure, its class, or a function of a prepared scenario and a seed.
+        candidate: a measure, its class, or a function of a prepared scenario and a seed.
         name: of a function that is to have another name than its own.
 
     Raises:
         InputError: it is none of them.
     """
-    if isinstance(given, type) and issubclass(given, Measure):
-        given = given()
-    if isinstance(given, Measure):
-        return given
-    if not callable(given) or not (name or getattr(given, "__name__", "<").isidentifier()):
+    if isinstance(candidate, type) and issubclass(candidate, Measure):
+        candidate = candidate()
+    if isinstance(candidate, Measure):
+        return candidate
+    if not callable(candidate) or not (name or getattr(candidate, "__name__", "<").isidentifier()):
         allowed = "a function with a name, of a prepared scenario and a seed"
-        raise InputError(f"has {quoted(given)}, allowed is {allowed}", key="measures")
-    return FunctionMeasure(given, name)
+        raise InputError(f"has {quoted(candidate)}, allowed is {allowed}", key="measures")
+    return FunctionMeasure(candidate, name)
 
 
-def as_measures(given: Iterable[Any]) -> tuple[Measure[Any, Any], ...]:
+def as_measures(candidates: Iterable[Any]) -> tuple[Measure[Any, Any], ...]:
     """Measures of one's own, each of another name.
 
     Raises:
         InputError: one is no measure, or has the name of another.
     """
-    measures = tuple(as_measure(entry) for entry in given)
+    measures = tuple(as_measure(entry) for entry in candidates)
     names = [measure.name for measure in measures]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(f"has {twice} twice, allowed are measures of different names", key="measures")

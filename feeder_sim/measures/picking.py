@@ -80,13 +80,13 @@ def picks_of(scene: Scene, seed: Seed) -> Picks:
     time, part = removals.time[picked], removals.part[picked]
     stages = pick_stages(scene, record)
     ends = np.array([stage.end for stage in stages])
-    look = np.abs(time[:, None] - ends).argmin(axis=1) if len(time) else np.empty(0, np.int64)
+    stage_index = np.abs(time[:, None] - ends).argmin(axis=1) if len(time) else np.empty(0, np.int64)
     row = [frames.row_at(t) for t in time]
     pose, yaw = _lying(scene, part, frames.quaternion[row, part])
     return Picks(
         time=time,
-        clock=time + robot.look_s * (look + 1) + robot.pick_s * np.arange(1, len(time) + 1),
-        cycle=np.array([stage.cycle for stage in stages], np.int64)[look],
+        clock=time + robot.look_s * (stage_index + 1) + robot.pick_s * np.arange(1, len(time) + 1),
+        cycle=np.array([stage.cycle for stage in stages], np.int64)[stage_index],
         kind=scene.kind_of[part],
         pose=pose,
         place=frames.position[row, part, :2],
@@ -154,28 +154,28 @@ def pickable(scene: Scene, picks: Sequence[Pick], frames: Frames) -> NDArray[np.
     """Indices (m,) of the parts that at least one of several picks may take, in the last of some frames."""
     last = frames[slice(-1, None)]
     there = scene.on_plate(last)[0]
-    taken = np.zeros(len(scene.parts), bool)
+    selected = np.zeros(len(scene.parts), bool)
     for pick in picks:
-        taken |= _taken(scene, pick, last, there)
-    return np.flatnonzero(taken)
+        selected |= _selected(scene, pick, last, there)
+    return np.flatnonzero(selected)
 
 
-def _taken(scene: Scene, pick: Pick, last: Frames, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _selected(scene: Scene, pick: Pick, last: Frames, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which parts one pick takes in a frame, (parts,)."""
-    taken = there.copy()
+    selected = there.copy()
     if pick.part is not None:
-        taken &= scene.kind_of == scene.scenario.kind_names.index(pick.part)
+        selected &= scene.kind_of == scene.scenario.kind_names.index(pick.part)
     if pick.up:
         in_pose = np.array([name in pick.up for name in scene.pose_names(last.quaternion[0])])
-        taken &= in_pose | axis_up(last.quaternion[0], pick.up)
+        selected &= in_pose | axis_up(last.quaternion[0], pick.up)
     if pick.clearance_mm is not None:
-        taken &= isolated(last.position[0], there, pick.clearance_mm * 1e-3)
+        selected &= isolated(last.position[0], there, pick.clearance_mm * 1e-3)
     if pick.shape is not None:
         gripper = read_gripper(pick.shape)
         room = _Neighbours(scene, last, there)
-        for part in np.flatnonzero(taken):
-            taken[part] = room.has_room(int(part), gripper)
-    return taken
+        for part in np.flatnonzero(selected):
+            selected[part] = room.has_room(int(part), gripper)
+    return selected
 
 
 class _Neighbours:
@@ -205,8 +205,8 @@ class _Neighbours:
 
         A part that lies over or under another one, as seen from above, would take it along.
         """
-        own = self._outlines[int(np.flatnonzero(self._index == part)[0])].buffer(-COVERED)
-        if len(self._tree.query(own, predicate="intersects")) > 1:  # itself is one
+        outline = self._outlines[int(np.flatnonzero(self._index == part)[0])].buffer(-COVERED)
+        if len(self._tree.query(outline, predicate="intersects")) > 1:  # itself is one
             return False
         table, attitude = self._scene.poses[self._scene.kind_of[part]], self._last.quaternion[0, part : part + 1]
         yaw, pose = float(table.yaw(attitude)[0]), int(table.number(attitude)[0])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.measures.picking import has_picks
-from feeder_sim.measures.protocol import Found, Measure, labelled
+from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.part.stable_poses import NONE
 from feeder_sim.records.seed import Cause, Seed, Status, parts_arrived
@@ -18,7 +18,7 @@ from feeder_sim.scene.scene import Scene
 
 
 @dataclass(frozen=True, repr=False)
-class PoseShares(Found):
+class PoseShares(FindingsBase):
     """The poses of one kind at the end of one stage, over the seeds; shares are of its parts on the plate.
 
     Attributes:
@@ -38,7 +38,7 @@ class PoseShares(Found):
 
 
 @dataclass(frozen=True, repr=False)
-class KindPoses(Found):
+class KindPoses(FindingsBase):
     """The poses of one kind of parts.
 
     Attributes:
@@ -58,7 +58,7 @@ class KindPoses(Found):
 
 
 @dataclass(frozen=True, repr=False)
-class PoseFindings(Found):
+class PoseFindings(FindingsBase):
     """One entry for each kind of parts that has stable poses."""
 
     pose_kinds: tuple[KindPoses, ...]
@@ -142,14 +142,14 @@ def _of_kind(scene: Scene, kind: int, name: str, seen: Sequence[SeedPoses]) -> K
                 changed=Statistic.of(float((a != b).sum()) for a, b in zip(number, before, strict=True)),
             )
         )
-    taken = [seed.picked_number[members[seed.picked]] for seed in seen if has_picks(scene)]
+    picked = [seed.picked_number[members[seed.picked]] for seed in seen if has_picks(scene)]
     return KindPoses(
         kind=name,
         names=table.names,
         heights_mm=tuple(1e3 * pose.height for pose in table.poses),
         stages=tuple(stages),
-        picked=tuple(Statistic.of(float((n == pose).sum()) for n in taken) for pose in range(len(table.poses))),
-        picked_other=Statistic.of(float((n == NONE).sum()) for n in taken),
+        picked=tuple(Statistic.of(float((n == pose).sum()) for n in picked) for pose in range(len(table.poses))),
+        picked_other=Statistic.of(float((n == NONE).sum()) for n in picked),
     )
 
 

@@ -26,7 +26,7 @@ from feeder_sim.scene.prepared import Prepared
 MOST_LISTED = 6  # values of a list in a line; of a longer one their number
 
 
-class Found:
+class FindingsBase:
     """Findings, or an entry of them: a dataclass with `repr=False`, whose fields carry their units in their names."""
 
     def __repr__(self) -> str:
@@ -34,17 +34,17 @@ class Found:
 
     def _repr_html_(self) -> str:
         """The numbers over seeds, a row each; then a table for every list of entries."""
-        held = self._held()
+        values = self._values()
         rows = [
             {"": name, "mean": value.mean, "sd": value.sd, "se": value.se, "n": value.n}
-            for name, value in [pair for name, entry in held.items() for pair in _statistics(name, entry)]
+            for name, value in [pair for name, entry in values.items() for pair in _statistics(name, entry)]
         ]
         return "".join([table(repr(self)[1:-1], rows), *_tables(self)])
 
     def _fields(self) -> str:
-        return ", ".join(_named(name, value) for name, value in self._held().items())
+        return ", ".join(_named(name, value) for name, value in self._values().items())
 
-    def _held(self) -> dict[str, Any]:
+    def _values(self) -> dict[str, Any]:
         """The fields by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
 
@@ -53,14 +53,14 @@ def _statistics(name: str, value: Any) -> list[tuple[str, Statistic]]:
     """The numbers over seeds that a field is, or that it holds by name."""
     if isinstance(value, Statistic):
         return [(name, value)]
-    if isinstance(value, Found):
-        return [pair for inner, entry in value._held().items() for pair in _statistics(f"{name}.{inner}", entry)]
+    if isinstance(value, FindingsBase):
+        return [pair for inner, entry in value._values().items() for pair in _statistics(f"{name}.{inner}", entry)]
     return []
 
 
-def _tables(found: Found, within: str = "") -> Iterator[str]:
+def _tables(findings: FindingsBase, within: str = "") -> Iterator[str]:
     """A table for every list of entries, each with the lists of its entries after it."""
-    for name, value in found._held().items():
+    for name, value in findings._values().items():
         if _has_entries(value):
             yield table(within + name, [_row(entry) for entry in value])
             for number, entry in enumerate(value):
@@ -68,17 +68,17 @@ def _tables(found: Found, within: str = "") -> Iterator[str]:
 
 
 def _has_entries(value: Any) -> bool:
-    return isinstance(value, tuple) and any(isinstance(entry, Found) for entry in value)
+    return isinstance(value, tuple) and any(isinstance(entry, FindingsBase) for entry in value)
 
 
-def _row(entry: Found) -> dict[str, Any]:
+def _row(entry: FindingsBase) -> dict[str, Any]:
     """The row of an entry: the means of its numbers over seeds, and how many entries its own lists have."""
-    return {name: _short(value) for name, value in entry._held().items()}
+    return {name: _short(value) for name, value in entry._values().items()}
 
 
 def _named(name: str, value: Any) -> str:
     """A field in a line."""
-    if isinstance(value, Found):
+    if isinstance(value, FindingsBase):
         return f"{name} ({value._fields()})"
     if isinstance(value, Statistic) and math.isfinite(value.se):
         return f"{name} {value.mean:.4g} +- {value.se:.2g}"

@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from feeder_sim.measures.picking import IN_NO_POSE, Picks, pick_stages, picks_by_hand, picks_of, robot_of
-from feeder_sim.measures.protocol import Found, Measure, labelled
+from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.scene.prepared import Prepared
@@ -39,7 +39,7 @@ class Clock:
 
 
 @dataclass(frozen=True, repr=False)
-class PoseRate(Found):
+class PoseRate(FindingsBase):
     """Picks per minute of one kind in one stable pose; "none" for parts in no pose."""
 
     pose: str
@@ -47,7 +47,7 @@ class PoseRate(Found):
 
 
 @dataclass(frozen=True, repr=False)
-class KindRate(Found):
+class KindRate(FindingsBase):
     """Picks per minute of one kind; no poses for a kind that has none."""
 
     kind: str
@@ -56,7 +56,7 @@ class KindRate(Found):
 
 
 @dataclass(frozen=True, repr=False)
-class TimeShares(Found):
+class TimeShares(FindingsBase):
     """Shares of the time on the clock [1], see `Clock`."""
 
     driving: Statistic
@@ -66,7 +66,7 @@ class TimeShares(Found):
 
 
 @dataclass(frozen=True, repr=False)
-class RateFindings(Found):
+class RateFindings(FindingsBase):
     """Findings over the seeds that ran to their end.
 
     Attributes:
@@ -194,5 +194,5 @@ def _of_kind(scene: Scene, kind: int, rate: Callable[[Callable[[Picks], np.ndarr
     )
 
 
-def _ratio(value: float, whole: float) -> float:
-    return value / whole if whole > 0.0 else math.nan
+def _ratio(value: float, total: float) -> float:
+    return value / total if total > 0.0 else math.nan

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from feeder_sim.measures.picking import picks_by_hand
-from feeder_sim.measures.protocol import Found, Measure, labelled
+from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.seed import Cause, Seed, parts_removed
 from feeder_sim.scene.prepared import Prepared
@@ -17,7 +17,7 @@ from feeder_sim.scene.scene import Scene
 
 
 @dataclass(frozen=True, repr=False)
-class RefillFindings(Found):
+class RefillFindings(FindingsBase):
     """Findings over the seeds that ran to their end.
 
     Attributes:
@@ -50,7 +50,7 @@ class Refills(Measure[RefillFindings, SeedRefills]):
 
     def reader(self, prepared: Prepared) -> Callable[[Seed], SeedRefills]:
         scene = prepared.scene
-        return lambda seed: SeedRefills(len(np.unique(seed.arrivals.cycle)), len(seed.arrivals), asked(scene, seed))
+        return lambda seed: SeedRefills(len(np.unique(seed.arrivals.cycle)), len(seed.arrivals), requested(scene, seed))
 
     def findings(self, prepared: Prepared, readings: Sequence[SeedRefills]) -> RefillFindings:
         return RefillFindings(
@@ -68,7 +68,7 @@ class Refills(Measure[RefillFindings, SeedRefills]):
         return [labelled("refilled", f"{text}, n = {findings.refills.n} seeds")]
 
 
-def asked(scene: Scene, seed: Seed) -> int:
+def requested(scene: Scene, seed: Seed) -> int:
     """How many parts all refills of a seed were to bring; of those by hand nothing but what came is known."""
     if picks_by_hand(scene):
         return len(seed.arrivals)
@@ -76,8 +76,8 @@ def asked(scene: Scene, seed: Seed) -> int:
     timed = scene.stopped(seed.stops.tolist()) if len(seed.stops) else scene
     for frame in refill_frames(timed):
         if frame < len(frames):
-            left = scene.on_plate(frames[slice(frame, frame + 1)])[0]
+            remaining = scene.on_plate(frames[slice(frame, frame + 1)])[0]
             time = float(frames.time[frame])
-            left[parts_removed(seed.removals, Cause.PICKED, start=time - half, end=time + half)] = False
-            number += wanted(scene, int(left.sum()))
+            remaining[parts_removed(seed.removals, Cause.PICKED, start=time - half, end=time + half)] = False
+            number += wanted(scene, int(remaining.sum()))
     return number

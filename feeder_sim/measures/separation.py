@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.measures.picking import has_picks, nearest_neighbours
-from feeder_sim.measures.protocol import Found, Measure, labelled
+from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.seed import Cause, Seed, Status, parts_arrived, parts_removed
@@ -154,7 +154,7 @@ def _side_up(frames: Frames, row: int) -> NDArray[np.int64]:
 
 
 @dataclass(frozen=True, repr=False)
-class StageCounts(Found):
+class StageCounts(FindingsBase):
     """Means over the seeds of the counts of `StageReport`, for one stage of one cycle."""
 
     cycle: int
@@ -172,7 +172,7 @@ class StageCounts(Found):
 
 
 @dataclass(frozen=True, repr=False)
-class SeparationFindings(Found):
+class SeparationFindings(FindingsBase):
     """Number of parts in the scene, parts picked and lost in the whole run, and the counts of every stage.
 
     Where nothing is to be picked, `picked` has no value.

@@ -29,8 +29,8 @@ def once_for_scene(function: Callable[[Scene], T]) -> Callable[[Scene], T]:
 
     @functools.wraps(function)
     def remembered(scene: Scene) -> T:
-        for known, value in tuple(last):
-            if known() is scene:
+        for scene_ref, value in tuple(last):
+            if scene_ref() is scene:
                 return value
         value = function(scene)
         last[:] = [(weakref.ref(scene, lambda _: last.clear()), value)]

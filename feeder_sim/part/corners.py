@@ -40,35 +40,35 @@ def contact_corners(points: Floats, error: float) -> tuple[Floats, float]:
         asked for where `MOST_CORNERS` are not enough.
     """
     size = float(np.abs(points).max())
-    unit, wanted = points / size, error / size
+    unit, tolerance = points / size, error / size
     if len(unit) <= MOST_LOOKED_AT:
-        kept = _fewest(unit, wanted)
-        return points[kept], size * _error(unit, kept)
+        selected = _fewest(unit, tolerance)
+        return points[selected], size * _error(unit, selected)
     looked_at = _farthest_along_directions(unit)
     for _ in range(ROUNDS):  # what was not looked at may stand out a little
-        kept = looked_at[_fewest(unit[looked_at], wanted)]
-        out = _over(unit, _hull_of(unit[kept])) > wanted
-        if not out.any() or len(kept) == MOST_CORNERS:
+        selected = looked_at[_fewest(unit[looked_at], tolerance)]
+        out = _over(unit, _hull_of(unit[selected])) > tolerance
+        if not out.any() or len(selected) == MOST_CORNERS:
             break
         looked_at = np.union1d(looked_at, np.flatnonzero(out)[:MOST_LOOKED_AT])
-    return points[kept], size * _error(unit, kept)
+    return points[selected], size * _error(unit, selected)
 
 
-def _fewest(points: Floats, wanted: float) -> NDArray[np.int64]:
+def _fewest(points: Floats, tolerance: float) -> NDArray[np.int64]:
     """Numbers, in order, of the fewest points that some way of choosing whole orbits finds for an error.
 
     Where none is enough, those at most `MOST_CORNERS` that leave the smallest error.
     """
-    found = [_greedy(points, orbits, wanted) for orbits in _symmetries(points)]
-    enough = [kept for kept in found if kept is not None and len(kept) <= MOST_CORNERS]
+    candidates = [_greedy(points, orbits, tolerance) for orbits in _symmetries(points)]
+    enough = [selected for selected in candidates if selected is not None and len(selected) <= MOST_CORNERS]
     if enough:
         return np.sort(min(enough, key=len))
     single = _single(points)
     choices = []
     for orbits in (*_symmetries(points), single):
-        kept = _greedy(points, orbits, 0.0, most=True)
-        if kept is not None and len(kept) <= MOST_CORNERS:
-            choices.append((_error(points, kept) * (UNEVEN if len(orbits) == len(single) else 1.0), kept))
+        selected = _greedy(points, orbits, 0.0, most=True)
+        if selected is not None and len(selected) <= MOST_CORNERS:
+            choices.append((_error(points, selected) * (UNEVEN if len(orbits) == len(single) else 1.0), selected))
     return np.sort(min(choices, key=lambda choice: choice[0])[1])
 
 
@@ -107,8 +107,8 @@ def _order_about(points: Floats, axis: Floats) -> tuple[int, list[NDArray[np.int
 
     tree, along = KDTree(points), points @ axis
     radius = np.linalg.norm(points - along[:, None] * axis, axis=1)
-    mark = int(radius.argmax())
-    ring = int(((np.abs(radius - radius[mark]) < ALIKE) & (np.abs(along - along[mark]) < ALIKE)).sum())
+    reference = int(radius.argmax())
+    ring = int(((np.abs(radius - radius[reference]) < ALIKE) & (np.abs(along - along[reference]) < ALIKE)).sum())
     for order in range(ring, 1, -1):
         if ring % order:
             continue
@@ -124,35 +124,35 @@ def _order_about(points: Floats, axis: Floats) -> tuple[int, list[NDArray[np.int
 
 def _orbits(image: NDArray[np.int64], order: int) -> Orbits:
     """The orbits of a permutation of some order."""
-    left, orbits = np.ones(len(image), bool), []
+    remaining, orbits = np.ones(len(image), bool), []
     for i in range(len(image)):
-        if left[i]:
+        if remaining[i]:
             orbit = [i]
             while len(orbit) < order and image[orbit[-1]] != i:
                 orbit.append(int(image[orbit[-1]]))
-            left[orbit] = False
+            remaining[orbit] = False
             orbits.append(np.array(orbit))
     return orbits
 
 
-def _greedy(points: Floats, orbits: Orbits, wanted: float, *, most: bool = False) -> NDArray[np.int64] | None:
+def _greedy(points: Floats, orbits: Orbits, tolerance: float, *, most: bool = False) -> NDArray[np.int64] | None:
     """Numbers of kept points; with `most` as many as are allowed, else None where these are not enough."""
-    wanted = max(wanted, ROUND_OFF)
+    tolerance = max(tolerance, ROUND_OFF)
     of = np.empty(len(points), np.int64)
     for number, orbit in enumerate(orbits):
         of[orbit] = number
     chosen = list(dict.fromkeys(int(of[i]) for i in _spanning(points)))
     while True:
-        depth = _depths(points, _joined(orbits, chosen), wanted)
+        depth = _depths(points, _joined(orbits, chosen), tolerance)
         farthest = int(depth.argmax())
-        if depth[farthest] <= wanted:
+        if depth[farthest] <= tolerance:
             break
         if len(_joined(orbits, chosen)) + len(orbits[of[farthest]]) > MOST_CORNERS:
             return _joined(orbits, chosen) if most else None
         chosen.append(int(of[farthest]))
     for number in list(chosen):
         fewer = _joined(orbits, [other for other in chosen if other != number])
-        if _spans(points, fewer) and _depths(points, fewer, wanted).max() <= wanted:
+        if _spans(points, fewer) and _depths(points, fewer, tolerance).max() <= tolerance:
             chosen.remove(number)
     return _joined(orbits, chosen)
 
@@ -172,11 +172,11 @@ def _spanning(points: Floats) -> list[int]:
     return [first, second, third, int(np.abs(away @ normal).argmax())]
 
 
-def _spans(points: Floats, kept: NDArray[np.int64]) -> bool:
+def _spans(points: Floats, selected: NDArray[np.int64]) -> bool:
     """Whether some of the points span a body that is not all but flat."""
-    if len(kept) < 4:
+    if len(selected) < 4:
         return False
-    some = points[kept]
+    some = points[selected]
     return bool(np.linalg.svd(some - some.mean(axis=0), compute_uv=False)[-1] > ALIKE)
 
 
@@ -192,28 +192,28 @@ def _over(points: Floats, hull: Any) -> Floats:
     return np.concatenate([(p @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1) for p in parts])
 
 
-def _depths(points: Floats, kept: NDArray[np.int64], wanted: float) -> Floats:
+def _depths(points: Floats, selected: NDArray[np.int64], tolerance: float) -> Floats:
     """How far points are outside of the hull of the kept ones, shape (n,); 0 inside.
 
-    Over the planes only, as long as that is more than wanted somewhere: the distance itself, which is larger over an
-    edge, takes long.
+    Over the planes only, as long as that is more than the tolerance somewhere: the distance itself, which is larger
+    over an edge, takes long.
     """
-    hull = _hull_of(points[kept])
+    hull = _hull_of(points[selected])
     depth = np.maximum(_over(points, hull), 0.0)
     doubtful = np.argsort(depth)[-WORST:]
-    doubtful = doubtful[depth[doubtful] > DOUBTFUL * wanted]
-    if depth.max() <= wanted and len(doubtful):
-        depth[doubtful] = _distances(points[doubtful], points[kept][hull.simplices])
+    doubtful = doubtful[depth[doubtful] > DOUBTFUL * tolerance]
+    if depth.max() <= tolerance and len(doubtful):
+        depth[doubtful] = _distances(points[doubtful], points[selected][hull.simplices])
     return depth
 
 
-def _error(points: Floats, kept: NDArray[np.int64]) -> float:
+def _error(points: Floats, selected: NDArray[np.int64]) -> float:
     """The error that the kept ones leave; only those that stand out farthest are looked at exactly."""
-    hull = _hull_of(points[kept])
+    hull = _hull_of(points[selected])
     over = _over(points, hull)
     worst = np.argsort(over)[-WORST:]
     worst = worst[over[worst] > ALIKE**2]
-    return float(_distances(points[worst], points[kept][hull.simplices]).max()) if len(worst) else 0.0
+    return float(_distances(points[worst], points[selected][hull.simplices]).max()) if len(worst) else 0.0
 
 
 def _distances(points: Floats, triangles: Floats) -> Floats:

@@ -66,6 +66,6 @@ def ring_mesh(rim: NDArray[np.float64], bore_radius: float, height: float, per_s
     for a, b in zip(number, number[1:] + number[:1], strict=True):
         after_a, after_b = np.roll(a, -1), np.roll(b, -1)
         faces += [np.column_stack([a, after_a, after_b]), np.column_stack([a, after_b, b])]
-    every = np.concatenate(faces)
-    flat = (every == np.roll(every, 1, axis=1)).any(axis=1)  # at the axis
-    return vertices, every[~flat]
+    triangles = np.concatenate(faces)
+    flat = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)  # at the axis
+    return vertices, triangles[~flat]

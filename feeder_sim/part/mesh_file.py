@@ -44,9 +44,9 @@ def first_crossing(triangles: Floats) -> tuple[int, int, Floats] | None:
         pairs = pairs[_overlap(boxes[level], pairs)]
         if level == len(boxes) - 1:
             looked_at += len(pairs)
-            found = _cross(sorted_facets, pairs[pairs[:, 0] < pairs[:, 1]])
-            if found is not None:
-                i, j, place = found
+            crossing = _cross(sorted_facets, pairs[pairs[:, 0] < pairs[:, 1]])
+            if crossing is not None:
+                i, j, place = crossing
                 first, second = sorted((int(order[i]), int(order[j])))
                 return first, second, place * size + low
             continue
@@ -197,11 +197,11 @@ def _check_facets(path: Path, refusal: Refusal) -> None:
         head = file.read(4096)
     number = 0
     if path.suffix.lower() == ".stl" and len(head) >= HEADER:
-        (told,) = struct.unpack("<I", head[80:HEADER])
-        number = told if size == HEADER + FACET * told else 0
+        (facet_count,) = struct.unpack("<I", head[80:HEADER])
+        number = facet_count if size == HEADER + FACET * facet_count else 0
     elif path.suffix.lower() == ".ply":
-        found = re.search(rb"element face (\d{1,12})\s", head)
-        number = int(found.group(1)) if found else 0
+        match = re.search(rb"element face (\d{1,12})\s", head)
+        number = int(match.group(1)) if match else 0
     if number > MOST_FACETS:
         raise refusal(f"has {number} facets, allowed is up to {MOST_FACETS}: {FEWER}")
     if path.suffix.lower() in TEXT and size > MOST_BYTES_OF_TEXT:
@@ -250,9 +250,9 @@ def _joined(mesh: Any, refusal: Refusal) -> Any:
         raise refusal("holds no triangles that have an area")
     if not mesh.is_watertight:
         sides = np.linalg.norm(np.roll(mesh.triangles, -1, axis=1) - mesh.triangles, axis=2).max(axis=1, initial=0.0)
-        kept = mesh.area_faces > NO_AREA * sides**2
+        has_area = mesh.area_faces > NO_AREA * sides**2
         without = mesh.copy()
-        without.update_faces(kept)
+        without.update_faces(has_area)
         mesh = without if without.is_watertight else mesh
     mesh.remove_unreferenced_vertices()
     mesh.metadata["dropped_facets"] = number - len(mesh.faces)
@@ -319,8 +319,8 @@ def stored_normals_against(path: Path) -> tuple[int, int]:
     if path.suffix.lower() != ".stl":
         return 0, 0
     data = path.read_bytes()
-    (told,) = struct.unpack("<I", data[80:HEADER]) if len(data) >= HEADER else (0,)
-    if len(data) == HEADER + FACET * told:
+    (facet_count,) = struct.unpack("<I", data[80:HEADER]) if len(data) >= HEADER else (0,)
+    if len(data) == HEADER + FACET * facet_count:
         facets = np.frombuffer(data, BINARY_FACET, offset=HEADER)
         normal, corner = facets["normal"].astype(float), facets["corner"].astype(float)
     else:
@@ -332,8 +332,8 @@ def stored_normals_against(path: Path) -> tuple[int, int]:
         normal, corner = np.array(normals, float), np.array(corners, float).reshape(-1, 3, 3)
     turned = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     along = (normal * turned).sum(axis=1)
-    said = np.isfinite(along) & (along != 0.0)
-    return int((along[said] < 0.0).sum()), int(said.sum())
+    is_defined = np.isfinite(along) & (along != 0.0)
+    return int((along[is_defined] < 0.0).sum()), int(is_defined.sum())
 
 
 def _place(point: NDArray[np.float64], unit_mm: float) -> str:

@@ -59,7 +59,7 @@ def _read(
 ) -> RigidPart:
     """The part of a mesh file; `_` and `__` tell states of the files apart."""
     mesh = closed_mesh(path, unit_mm, key=key)
-    held = [] if pieces is None else read_pieces(pieces, path, mesh)
+    piece_vertices = [] if pieces is None else read_pieces(pieces, path, mesh)
     mesh.apply_scale(unit_mm * 1e-3)
     mesh.density = density
     centre = np.array(mesh.center_mass, float)
@@ -77,7 +77,7 @@ def _read(
         centre=centre,
         corner_error=error,
         dropped_facets=mesh.metadata["dropped_facets"],
-        pieces=tuple(_thinned(1e-3 * unit_mm * points - centre, corner_error) for points in held),
+        pieces=tuple(_thinned(1e-3 * unit_mm * points - centre, corner_error) for points in piece_vertices),
     )
 
 

@@ -92,10 +92,10 @@ def _hull(points: Floats) -> Piece:
     return points[hull.vertices], number[faces]
 
 
-def write_pieces(path: Path, pieces: list[Piece], mesh_file: Path, made_by: str) -> None:
+def write_pieces(path: Path, pieces: list[Piece], mesh_file: Path, creator: str) -> None:
     """Write pieces, in the unit of the mesh, as one OBJ object each; see the layout above."""
     lines = [f"# convex pieces of {mesh_file.name}", f"# sha256 of the mesh: {mesh_hash(mesh_file)}"]
-    lines.append(f"# made by {made_by}")
+    lines.append(f"# made by {creator}")
     first = 1
     for i, (vertices, faces) in enumerate(pieces):
         lines.append(f"o piece_{i}")
@@ -130,10 +130,10 @@ def read_pieces(path: Path, mesh_file: Path, mesh: Any, *, key: str = "part.piec
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise refusal("is no text in UTF-8, allowed is an OBJ file") from error
-    found = HASH.search(text)
-    if found is None:
+    match = HASH.search(text)
+    if match is None:
         raise refusal(f'has no line "# sha256 of the mesh: ...", which says what it was made of; {again}')
-    if found.group(1) != mesh_hash(mesh_file):
+    if match.group(1) != mesh_hash(mesh_file):
         raise refusal(f"was made of another {mesh_file.name}; {again}")
     pieces = _parsed(text, refusal)
     _check(pieces, mesh, refusal, again)
@@ -180,7 +180,7 @@ def _check(pieces: list[Piece], mesh: Any, refusal: Any, again: str) -> None:
     from scipy.spatial import ConvexHull, QhullError
 
     longest = float(np.ptp(mesh.vertices, axis=0).max())
-    whole = ConvexHull(np.asarray(mesh.vertices) / longest).equations
+    mesh_planes = ConvexHull(np.asarray(mesh.vertices) / longest).equations
     together = 0.0
     for i, (vertices, faces) in enumerate(pieces):
         size = float(np.ptp(vertices, axis=0).max())
@@ -193,7 +193,7 @@ def _check(pieces: list[Piece], mesh: Any, refusal: Any, again: str) -> None:
         depth = np.concatenate([depth, -(middle @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)])
         if depth.max() > CONVEX:
             raise refusal(f"piece {i} is not convex: it lies {depth.max() * size:.3g} inside of its hull; {again}")
-        out = longest * float((vertices / longest @ whole[:, :3].T + whole[:, 3]).max())
+        out = longest * float((vertices / longest @ mesh_planes[:, :3].T + mesh_planes[:, 3]).max())
         if out > OUTSIDE * longest:
             raise refusal(f"piece {i} reaches {out:.3g} out of the hull of the mesh; {again}")
         together += float(hull.volume) * size**3

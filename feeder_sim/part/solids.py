@@ -79,11 +79,11 @@ def dimer(
     Diameter of the balls, length over all, rod diameter [m]; densities of balls and rod [kg/m^3].
     """
     radius, apart = diameter / 2.0, length - diameter
-    ball_mass, own = density * 4.0 / 3.0 * math.pi * radius**3, 0.4 * radius**2
+    ball_mass, per_mass = density * 4.0 / 3.0 * math.pi * radius**3, 0.4 * radius**2
     rod_radius, rod_length = rod_diameter / 2.0, apart - diameter
     rod_mass = rod_density * math.pi * rod_radius**2 * rod_length
-    axial = 2.0 * ball_mass * own + rod_mass * rod_radius**2 / 2.0
-    transverse = 2.0 * ball_mass * (own + apart**2 / 4.0) + rod_mass * (3.0 * rod_radius**2 + rod_length**2) / 12.0
+    axial = 2.0 * ball_mass * per_mass + rod_mass * rod_radius**2 / 2.0
+    transverse = 2.0 * ball_mass * (per_mass + apart**2 / 4.0) + rod_mass * (3.0 * rod_radius**2 + rod_length**2) / 12.0
     corners = np.array([[-apart / 2.0, 0.0, 0.0], [apart / 2.0, 0.0, 0.0]])
     (ball, around), (rod, side) = ball_mesh(radius), ring_mesh(circle(rod_radius), 0.0, apart, 1)
     vertices = np.concatenate([*(corner + ball for corner in corners), rod[:, [2, 0, 1]]])

@@ -33,7 +33,7 @@ MOST_POINTS = 600  # of a hull; of a finer one those farthest along as many dire
 NEIGHBOURS = 12  # directions next to one
 # Directions of a part as drawn that may be asked to point up: faces that look alike are one pose, but have axes.
 AXES = {f"{sign}{axis}": float(f"{sign}1") * np.eye(3)[i] for i, axis in enumerate("xyz") for sign in "+-"}
-SAME_TURN = 0.01  # [rad]; turns this close are one
+TURN_TOLERANCE = 0.01  # [rad]; turns this close are one
 ROUND = 24  # a part that looks the same at so many yaws is round
 
 
@@ -229,9 +229,9 @@ class _Hull:
         if angle > np.radians(NEAREST_DEG):
             return False
         low = min(self.height(a), self.height(b))
-        way = (1.0 - np.linspace(0.0, 1.0, 33)[:, None]) * a + np.linspace(0.0, 1.0, 33)[:, None] * b
-        way /= np.linalg.norm(way, axis=1, keepdims=True)
-        return bool((self._corners @ way.T).max() <= (1.0 + BARRIER) * low)
+        path = (1.0 - np.linspace(0.0, 1.0, 33)[:, None]) * a + np.linspace(0.0, 1.0, 33)[:, None] * b
+        path /= np.linalg.norm(path, axis=1, keepdims=True)
+        return bool((self._corners @ path.T).max() <= (1.0 + BARRIER) * low)
 
     def rotations(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Rotations (3, 3) of the part into itself that take one direction (3,) to another."""
@@ -240,25 +240,25 @@ class _Hull:
         first, second = _level(a), _level(b)
         at_a, at_b = self._corners @ first.T, self._corners @ second.T
         radius = np.hypot(at_a[:, 0], at_a[:, 1])
-        mark = at_a[radius.argmax()]  # goes to a corner equally high and equally far from the vertical
+        reference = at_a[radius.argmax()]  # goes to a corner equally high and equally far from the vertical
         near = np.abs(np.hypot(at_b[:, 0], at_b[:, 1]) - radius.max()) < ALIKE * self.size
-        near &= np.abs(at_b[:, 2] - mark[2]) < ALIKE * self.size
-        angles = np.arctan2(at_b[near, 1], at_b[near, 0]) - np.arctan2(mark[1], mark[0])
-        found: list[tuple[float, float, NDArray[np.float64]]] = []  # angle, how far it sticks out, turn
+        near &= np.abs(at_b[:, 2] - reference[2]) < ALIKE * self.size
+        angles = np.arctan2(at_b[near, 1], at_b[near, 0]) - np.arctan2(reference[1], reference[0])
+        matches: list[tuple[float, float, NDArray[np.float64]]] = []  # angle, how far it sticks out, turn
         for angle in np.unique((angles % (2.0 * np.pi)).round(6)):
             c, s = np.cos(angle), np.sin(angle)
             turn = second.T @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ first
             out = self._sticks_out(turn)
             if out > ALIKE * self.size:
                 continue
-            if found and angle - found[-1][0] < SAME_TURN:
-                if out < found[-1][1]:
-                    found[-1] = angle, out, turn
+            if matches and angle - matches[-1][0] < TURN_TOLERANCE:
+                if out < matches[-1][1]:
+                    matches[-1] = angle, out, turn
             else:
-                found.append((angle, out, turn))
-        if len(found) > 1 and found[0][0] + 2.0 * np.pi - found[-1][0] < SAME_TURN:
-            del found[0 if found[0][1] > found[-1][1] else -1]
-        return [turn for _, _, turn in found]
+                matches.append((angle, out, turn))
+        if len(matches) > 1 and matches[0][0] + 2.0 * np.pi - matches[-1][0] < TURN_TOLERANCE:
+            del matches[0 if matches[0][1] > matches[-1][1] else -1]
+        return [turn for _, _, turn in matches]
 
     def _sticks_out(self, turn: NDArray[np.float64]) -> float:
         """How far the turned part sticks out of itself [m]; infinite where its inertia is another."""
@@ -287,8 +287,8 @@ def _rolled(a: NDArray[np.float64], b: NDArray[np.float64], group: NDArray[np.fl
     axis = np.linalg.eigh(np.cov(group.T))[1][:, 0]
     p, q = a - (a @ axis) * axis, b - (b @ axis) * axis
     about = Rotation.from_rotvec(np.arctan2(np.cross(p, q) @ axis, p @ q) * axis).as_matrix()
-    rest = _level(b).T @ _level(about @ a)  # a group is not quite on a cone
-    return np.asarray(rest @ about)
+    correction = _level(b).T @ _level(about @ a)  # a group is not quite on a cone
+    return np.asarray(correction @ about)
 
 
 def _quaternions(attitudes: list[NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -107,10 +107,10 @@ def moment_of_strain(plate: RectangularPlate, layer: Layer) -> float:
     h, t = plate.thickness, layer.thickness
     z = 0.5 * (h + t)
     (p11, p12, p22, _), (l11, l12, l22, _) = plate.material.plane_stress, layer.material.plane_stress
-    held = np.array([l11 + l12, l12 + l22]) * t
+    blocked_force = np.array([l11 + l12, l12 + l22]) * t
     stretch = np.array([[p11, p12], [p12, p22]]) * h + np.array([[l11, l12], [l12, l22]]) * t
     coupling = np.array([[l11, l12], [l12, l22]]) * t * z
-    return float((held * z - coupling @ np.linalg.solve(stretch, held)).mean())
+    return float((blocked_force * z - coupling @ np.linalg.solve(stretch, blocked_force)).mean())
 
 
 def moment_of_voltage(
@@ -156,20 +156,20 @@ class _Bonded:
         return self.stretch[0] * self.thickness[0] ** 2 / 12.0, self.stretch[1] * self.thickness[1] ** 2 / 12.0
 
     @property
-    def both_ways(self) -> tuple[float, float]:
+    def biaxial(self) -> tuple[float, float]:
         """1 + nu of each: stiffness in both directions at once over that in one."""
         return 1.0 + self.poisson[0], 1.0 + self.poisson[1]
 
     @property
     def moment(self) -> float:
         """Moment that both directions of stretch of the patch by 1 make."""
-        plate, patch = (a * b for a, b in zip(self.stretch, self.both_ways, strict=True))
+        plate, patch = (a * b for a, b in zip(self.stretch, self.biaxial, strict=True))
         return self.apart * plate * patch / (plate + patch)
 
     @property
     def share_in_disc(self) -> float:
         """Curvature of a round patch over that of the plate far away."""
-        (d, d_patch), (b, b_patch) = self.bending, self.both_ways
+        (d, d_patch), (b, b_patch) = self.bending, self.biaxial
         return 2.0 * d / ((1.0 - self.poisson[0]) * d + b * d + b_patch * d_patch + self.moment * self.apart)
 
 
@@ -206,7 +206,7 @@ def bond_share(plate: RectangularPlate, layer: Layer, slip: float) -> float:
     from scipy.special import ive
 
     two = _bonded(plate, layer)
-    (a, a_patch), (d, d_patch), (b, b_patch), z = two.stretch, two.bending, two.both_ways, two.apart
+    (a, a_patch), (d, d_patch), (b, b_patch), z = two.stretch, two.bending, two.biaxial, two.apart
     slip += CERAMIC_SLIP * layer.thickness / layer.material.in_plane_shear_modulus
     area = layer.size[0] * layer.size[1]
     radius = max(math.sqrt(area / math.pi) * _elongation(layer) ** LONGER - EDGE_LOSS * plate.thickness, EDGE_LOSS * z)
@@ -231,8 +231,8 @@ def bond_share(plate: RectangularPlate, layer: Layer, slip: float) -> float:
     ]
     scale = np.array([1.0, 1.0, 1.0 / force, 1.0, 1.0])
     strain, _, shear, _, _ = scale * np.linalg.solve(np.array(rows) * scale, [0.0, 0.0, 0.0, 1.0, d * b])
-    kept = a_patch * b_patch * (strain + force * shear / a_patch)  # of the stress in the patch, its mean
-    return float(abs(kept) / (two.moment * two.share_in_disc))
+    resultant = a_patch * b_patch * (strain + force * shear / a_patch)  # of the stress in the patch, its mean
+    return float(abs(resultant) / (two.moment * two.share_in_disc))
 
 
 def clamped_capacitance(layer: Layer, relative_permittivity: float, layers: int) -> float:

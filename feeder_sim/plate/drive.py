@@ -132,13 +132,13 @@ class ModalTerms:
 
     def since(self, time: float) -> ModalTerms:
         """The terms that act at a time [s] or later."""
-        kept = self.stop > time
-        return ModalTerms(*(getattr(self, entry.name)[kept] for entry in fields(self)))
+        acting = self.stop > time
+        return ModalTerms(*(getattr(self, entry.name)[acting] for entry in fields(self)))
 
-    def joined(self, others: ModalTerms) -> ModalTerms:
+    def joined(self, added: ModalTerms) -> ModalTerms:
         """These terms and others."""
         names = [entry.name for entry in fields(self)]
-        return ModalTerms(*(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names))
+        return ModalTerms(*(np.concatenate([getattr(self, name), getattr(added, name)]) for name in names))
 
 
 def silent_terms(drives: Iterable[ModalDrive]) -> ModalTerms:

@@ -97,23 +97,23 @@ def read_sweep(path: Path) -> Sweep:
     rows = csv.DictReader(lines, skipinitialspace=True)
     names = [name.strip() for name in rows.fieldnames or ()]
     rows.fieldnames = names
-    wanted = ["frequency_hz", *(["resistance_ohm"] if "resistance_ohm" in names else COLUMNS[1:])]
-    if missing := [name for name in wanted if name not in names]:
+    columns = ["frequency_hz", *(["resistance_ohm"] if "resistance_ohm" in names else COLUMNS[1:])]
+    if missing := [name for name in columns if name not in names]:
         raise InputError(
             f"has no column {missing[0]}, allowed are frequency_hz and resistance_ohm, or impedance_ohm and phase_deg",
             file=path,
         )
-    table = np.array([[_number(row[name], name, i, path) for name in wanted] for i, row in enumerate(rows)])
+    table = np.array([[_number(row[name], name, i, path) for name in columns] for i, row in enumerate(rows)])
     if not LEAST_POINTS <= len(table) <= MOST_POINTS:
         raise InputError(f"has {len(table)} rows, allowed are {LEAST_POINTS} to {MOST_POINTS}", file=path)
     frequency = table[:, 0]
     if frequency[0] <= 0.0 or (np.diff(frequency) <= 0.0).any():
         at = 0 if frequency[0] <= 0.0 else int(np.argmax(np.diff(frequency) <= 0.0)) + 1
         raise InputError(
-            f"goes to {frequency[at]:g} in row {at + 1}, allowed are rising ones", file=path, key=wanted[0]
+            f"goes to {frequency[at]:g} in row {at + 1}, allowed are rising ones", file=path, key=columns[0]
         )
     capacitance, resistance = None, table[:, 1]
-    if len(wanted) == 3:
+    if len(columns) == 3:
         impedance = table[:, 1] * np.exp(1j * np.radians(table[:, 2]))
         resistance = impedance.real
         capacitance = float(np.median(-1.0 / (2.0 * math.pi * frequency * impedance.imag)))

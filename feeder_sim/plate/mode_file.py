@@ -131,7 +131,7 @@ def _actuator(name: str, row: dict[str, Any]) -> Actuator:
 
 # The group /outline of a mode file, and of the plate in a trajectory file: points, and the polygon each belongs to.
 
-SAME_SIZE = 1e-6  # relative, of the bounding box of an outline and its plate
+SIZE_TOLERANCE = 1e-6  # relative, of the bounding box of an outline and its plate
 
 
 def write_outline(file: Any, name: str, outline: Outline) -> None:
@@ -176,7 +176,7 @@ def read_outline(file: Any, name: str, size: tuple[float, float], path: Path) ->
         raise InputError(str(error), file=path, key=name) from error
     half = 0.5 * np.array(size)
     off = np.abs(np.concatenate([outline.exterior.max(axis=0) - half, outline.exterior.min(axis=0) + half]))
-    if off.max() > SAME_SIZE * max(size):
+    if off.max() > SIZE_TOLERANCE * max(size):
         raise InputError(
             f"reaches {1e3 * off.max():.3g} mm beyond the plate's length and width or falls short of them, allowed is "
             "what they bound",
@@ -243,7 +243,7 @@ class ModeFile:
     damping_ratio: NDArray[np.float64] | None = None
 
 
-def write_mode_file(path: Path, held: ModeFile) -> None:
+def write_mode_file(path: Path, mode_file: ModeFile) -> None:
     """Write a mode file; an existing one is replaced only when the new one is complete.
 
     Raises:
@@ -252,7 +252,7 @@ def write_mode_file(path: Path, held: ModeFile) -> None:
     """
     import h5py
 
-    modes, resonances, origin = held.modes, held.resonances, held.origin
+    modes, resonances, origin = mode_file.modes, mode_file.resonances, mode_file.origin
     plate, material = modes.plate, modes.plate.material
     partial = path.with_name(path.name + ".partial")
     attributes = {
@@ -292,18 +292,18 @@ def write_mode_file(path: Path, held: ModeFile) -> None:
             mesh = {"point": modes.points, "triangle": modes.triangles, "node": modes.nodes, "field": modes.fields}
             for name, values in mesh.items():
                 put_array(file, f"mesh/{name}", values, {"field": "1, 1/m, 1/m", "triangle": "1"}.get(name, "m"))
-        if held.damping_ratio is not None:
-            put_array(file, DAMPING, held.damping_ratio, "1")
+        if mode_file.damping_ratio is not None:
+            put_array(file, DAMPING, mode_file.damping_ratio, "1")
         put_array(file, "resonances/mode", np.array([r.mode for r in resonances], np.int64), "0-based index")
         put_array(file, "resonances/frequency", np.array([r.frequency for r in resonances], float), "Hz")
         put_array(file, "resonances/damping_ratio", np.array([r.damping_ratio for r in resonances], float), "1")
         put_array(file, "resonances/gain", np.array([r.gain for r in resonances], float), "m/V peak to peak")
         points = np.array([r.driven_point for r in resonances], float).reshape(-1, 2)
         put_array(file, "resonances/driven_point", points, "m")
-        names = [actuator.name for actuator in held.actuators]
+        names = [actuator.name for actuator in mode_file.actuators]
         driven = np.array([[name in r.actuators for name in names] for r in resonances], np.int64)
         put_array(file, "resonances/driven_by", driven.reshape(len(resonances), len(names)), "1")
-        write_actuators(file, held.actuators, held.force_per_volt.reshape(len(modes), len(names)))
+        write_actuators(file, mode_file.actuators, mode_file.force_per_volt.reshape(len(modes), len(names)))
     try:
         partial.write_bytes(buffer.getvalue())
         partial.replace(path)
@@ -379,9 +379,9 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     frequency = data["modes/natural_frequency"]
     if n == 0 or (np.diff(frequency) < -1e-3 * frequency[:-1]).any():
         raise InputError("must hold modes in ascending order", file=path, key="modes/natural_frequency")
-    held = "mesh/field" if on_mesh else "modes/coefficients"
-    if not np.abs(data[held][:, 0]).reshape(n, -1).max(axis=1, initial=0.0).all():
-        raise InputError("holds a mode without deflection", file=path, key=held)
+    field_key = "mesh/field" if on_mesh else "modes/coefficients"
+    if not np.abs(data[field_key][:, 0]).reshape(n, -1).max(axis=1, initial=0.0).all():
+        raise InputError("holds a mode without deflection", file=path, key=field_key)
     if len(np.unique(data["resonances/mode"])) < m:
         raise InputError("names a mode twice, allowed is one resonance of each mode", file=path, key="resonances/mode")
     if (data["resonances/mode"] >= n).any():

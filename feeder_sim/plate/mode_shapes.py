@@ -90,7 +90,7 @@ class Rigid:
         x, y = np.meshgrid(x, y, indexing="ij")
         along = self.move[0] - self.turn[2] * y, self.move[1] + self.turn[2] * x
         up = self.move[2] + self.turn[0] * y - self.turn[1] * x
-        return np.stack([up, *(-2.0 / self.thickness * way for way in along)])
+        return np.stack([up, *(-2.0 / self.thickness * component for component in along)])
 
 
 def standing_wave(plate: RectangularPlate, frequency: float) -> StandingWave:

@@ -42,7 +42,7 @@ TERMS_PER_AXIS = 24  # Legendre polynomials
 CONVERGENCE_CUT = 4  # terms left out to see whether a mode is resolved
 NODE = 1e-6  # of the antinode; a smaller deflection is round-off
 RESOLVED_BEYOND = 1.5  # of the highest frequency asked for, up to which a coarse series is looked at
-MADE_OF_SHAPES = 1e-6  # of a vector; the rest of it are shapes around layers
+LEAST_OF_PLATE = 1e-6  # of a vector; the rest of it are shapes around layers
 CONVERGED = 5e-3  # relative change of a resolved natural frequency without these terms
 Theory = Literal["mindlin", "kirchhoff"]
 
@@ -149,17 +149,17 @@ def plate_modes(
             has `CONVERGENCE_CUT` terms less, as happens for many half waves along a slender plate.
     """
     problem = _Problem(plate, theory, tuple(attachments), uniform_width, highest_frequency)
-    found = [problem.solve(parity, terms_per_axis) for parity in problem.parities]
-    for modes, parity in zip(found, problem.parities, strict=True):
+    by_parity = [problem.solve(parity, terms_per_axis) for parity in problem.parities]
+    for modes, parity in zip(by_parity, problem.parities, strict=True):
         frequencies = modes.natural_frequency
         coarse = problem.solve(parity, terms_per_axis - CONVERGENCE_CUT).natural_frequency
-        wanted = frequencies <= highest_frequency
+        requested = frequencies <= highest_frequency
         unresolved = coarse[: len(frequencies)] / frequencies[: len(coarse)] - 1.0 > CONVERGED
-        if (wanted[: len(unresolved)] & unresolved).any() or wanted.sum() > len(unresolved):
+        if (requested[: len(unresolved)] & unresolved).any() or requested.sum() > len(unresolved):
             first = int(np.argmax(unresolved)) if unresolved.any() else len(unresolved) - 1
             resolved = frequencies[first]
             raise Unresolved(f"modes above {resolved:.0f} Hz are not resolved by {terms_per_axis} terms per axis")
-    return _normalised(_in_order(found, highest_frequency))
+    return _normalised(_in_order(by_parity, highest_frequency))
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ class _Problem:
         chosen = {"subset_by_value": (-np.inf, highest)} if None in parity else {}
         squared, vectors = eigh(stiffness, mass, **chosen)
         # Shapes around layers that have another parity make modes of their own, without polynomials.
-        of_plate = np.linalg.norm(vectors[:polynomials], axis=0) > MADE_OF_SHAPES * np.linalg.norm(vectors, axis=0)
+        of_plate = np.linalg.norm(vectors[:polynomials], axis=0) > LEAST_OF_PLATE * np.linalg.norm(vectors, axis=0)
         squared, vectors = squared[of_plate][rigid_count(parity) :], vectors[:, of_plate][:, rigid_count(parity) :]
         amounts = np.split(vectors[polynomials:], np.cumsum([layer.coefficients.shape[1] for layer in layers])[:-1])
         local = tuple(layer.field(each, plate, basis) for layer, each in zip(layers, amounts, strict=False))
@@ -221,28 +221,28 @@ class _Problem:
         )
 
 
-def _in_order(found: Sequence[PlateModes], highest_frequency: float) -> PlateModes:
+def _in_order(by_parity: Sequence[PlateModes], highest_frequency: float) -> PlateModes:
     """The modes of all parities up to a frequency [Hz], in order of frequency."""
     rows = [
         (float(f"{modes.natural_frequency[i]:.6g}"), tuple(modes.parity[i].tolist()), k, i)
-        for k, modes in enumerate(found)
+        for k, modes in enumerate(by_parity)
         for i in np.flatnonzero(modes.natural_frequency <= highest_frequency)
     ]
     # The frequencies of a degenerate pair differ by round-off: sorted by parity, their numbering is reproducible.
     order = [(k, i) for _, _, k, i in sorted(rows)]
 
     def gathered(name: str) -> NDArray[Any]:
-        return np.array([getattr(found[k], name)[i] for k, i in order])
+        return np.array([getattr(by_parity[k], name)[i] for k, i in order])
 
-    terms = found[0].coefficients.shape[-1]
+    terms = by_parity[0].coefficients.shape[-1]
     local = []
-    for number, first in enumerate(found[0].local):
-        fields = [(found[k].local[number], i) for k, i in order]
+    for number, first in enumerate(by_parity[0].local):
+        fields = [(by_parity[k].local[number], i) for k, i in order]
         coefficients = np.array([field.coefficients[i] for field, i in fields])
         nearest = np.array([field.nearest[i] for field, i in fields])
         local.append(LocalField(first.mesh, coefficients, nearest))
     return PlateModes(
-        plate=found[0].plate,
+        plate=by_parity[0].plate,
         natural_frequency=gathered("natural_frequency"),
         coefficients=gathered("coefficients").reshape(-1, 3, terms, terms),
         parity=gathered("parity").astype(np.int64).reshape(-1, 2),

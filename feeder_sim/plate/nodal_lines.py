@@ -84,5 +84,5 @@ def _antinode_on(surface: Surface, outline: Outline, shape: int, point: tuple[fl
     away = np.where(pieces > 0, ((places - np.array(point)) ** 2).sum(axis=-1), np.inf)
     if not np.isfinite(away).any():
         return np.array(point)
-    own = pieces.ravel()[np.argmin(away)]
-    return np.asarray(places.reshape(-1, 2)[np.where(pieces == own, np.abs(w), -1.0).argmax()])
+    piece = pieces.ravel()[np.argmin(away)]
+    return np.asarray(places.reshape(-1, 2)[np.where(pieces == piece, np.abs(w), -1.0).argmax()])

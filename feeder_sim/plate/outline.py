@@ -134,8 +134,8 @@ def checked_outline(rings: Sequence[NDArray[np.float64]]) -> Outline:
 
     names = ["the outer edge", *(f"hole {i}" for i in range(1, len(rings)))]
     cleaned = []
-    for name, given in zip(names, rings, strict=True):
-        ring = np.asarray(given, float)
+    for name, points in zip(names, rings, strict=True):
+        ring = np.asarray(points, float)
         if len(ring) > 1 and (ring[0] == ring[-1]).all():
             ring = ring[:-1]
         ring = ring[(ring != np.roll(ring, 1, axis=0)).any(axis=1)]

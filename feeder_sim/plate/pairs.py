@@ -48,10 +48,10 @@ class ModePair:
         return self.moved * self.thrown
 
 
-def mode_pairs(held: ModeFile, voltage: float) -> list[ModePair]:
+def mode_pairs(mode_file: ModeFile, voltage: float) -> list[ModePair]:
     """All pairs of modes that a voltage [V, amplitude] can use, the best first."""
-    ranked = rank_modes(held, voltage, None)
-    modes = held.modes
+    ranked = rank_modes(mode_file, voltage, None)
+    modes = mode_file.modes
     x, y = (((np.arange(POINTS) + 0.5) / POINTS - 0.5) * side for side in (modes.plate.length, modes.plate.width))
     places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
     on_plate = np.full((POINTS, POINTS), True) if modes.outline is None else modes.outline.holds(places)

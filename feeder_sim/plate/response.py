@@ -71,32 +71,32 @@ def hop_height(amplitude: ArrayLike, frequency: float) -> NDArray[np.float64]:
     return np.asarray((velocity * (1.0 + RESTITUTION)) ** 2 / (2.0 * GRAVITY))
 
 
-def rank_modes(held: ModeFile, voltage: float, point: tuple[float, float] | None) -> list[RankedMode]:
+def rank_modes(mode_file: ModeFile, voltage: float, point: tuple[float, float] | None) -> list[RankedMode]:
     """Rank all modes by their amplitude at a point.
 
     Args:
-        held: modes and actuators of a plate.
+        mode_file: modes and actuators of a plate.
         voltage: amplitude at the actuator [V].
         point: (x, y) [m]; None: the highest antinode of each mode.
     """
-    every, forces = oscillators(held), modal_forces(held)
+    modes, forces = oscillators(mode_file), modal_forces(mode_file)
     ranked = []
-    for j, frequency in enumerate(every.natural_frequency):
+    for j, frequency in enumerate(modes.natural_frequency):
         best = int(np.abs(forces[j]).argmax())
         omega = 2.0 * math.pi * frequency
-        antinode = abs(forces[j, best]) * voltage / (2.0 * every.damping_ratio[j] * every.modal_mass[j] * omega**2)
-        share = 1.0 if point is None else abs(float(held.modes.evaluate(j, *point)[0]))
-        near = np.flatnonzero(np.abs(every.natural_frequency / frequency - 1.0) < NEIGHBOUR)
+        antinode = abs(forces[j, best]) * voltage / (2.0 * modes.damping_ratio[j] * modes.modal_mass[j] * omega**2)
+        share = 1.0 if point is None else abs(float(mode_file.modes.evaluate(j, *point)[0]))
+        near = np.flatnonzero(np.abs(modes.natural_frequency / frequency - 1.0) < NEIGHBOUR)
         amplitude = share * antinode
         ranked.append(
             RankedMode(
                 mode=j,
                 frequency=float(frequency),
-                actuator=held.actuators[best].name,
+                actuator=mode_file.actuators[best].name,
                 force_per_volt=float(forces[j, best]),
                 amplitude=amplitude,
                 antinode=antinode,
-                bounds=amplitude_bounds(held, every, j, [best]),
+                bounds=amplitude_bounds(mode_file, modes, j, [best]),
                 acceleration=amplitude * omega**2 / GRAVITY,
                 hop_height=float(hop_height(amplitude, frequency)),
                 neighbours=tuple(int(i) for i in near if i != j),
@@ -143,23 +143,23 @@ class Oscillators:
         return np.asarray(force / (self.modal_mass * stiffness))
 
 
-def oscillators(held: ModeFile, damping_ratio: float | None = None) -> Oscillators:
+def oscillators(record: ModeFile, damping_ratio: float | None = None) -> Oscillators:
     """The oscillators of a mode file: what was measured goes before what was computed or said for the whole plate.
 
     Args:
-        held: modes, and what was measured of them.
+        record: modes, and what was measured of them.
         damping_ratio: of all modes, instead of what the file says.
     """
-    frequency = held.modes.natural_frequency.copy()
-    damping = np.full(len(frequency), math.nan) if held.damping_ratio is None else held.damping_ratio.copy()
-    for resonance in held.resonances:
+    frequency = record.modes.natural_frequency.copy()
+    damping = np.full(len(frequency), math.nan) if record.damping_ratio is None else record.damping_ratio.copy()
+    for resonance in record.resonances:
         frequency[resonance.mode] = resonance.frequency
         if math.isfinite(resonance.damping_ratio):
             damping[resonance.mode] = resonance.damping_ratio
     if damping_ratio is not None:
         damping[:] = damping_ratio
     assumed = np.isnan(damping)
-    return Oscillators(frequency, np.where(assumed, DEFAULT_DAMPING_RATIO, damping), held.modes.modal_mass, assumed)
+    return Oscillators(frequency, np.where(assumed, DEFAULT_DAMPING_RATIO, damping), record.modes.modal_mass, assumed)
 
 
 def assumption(modes: Oscillators) -> str:
@@ -174,28 +174,28 @@ def assumption(modes: Oscillators) -> str:
     )
 
 
-def amplitude_bounds(held: ModeFile, modes: Oscillators, index: int, driven: Sequence[int]) -> tuple[float, float]:
+def amplitude_bounds(mode_file: ModeFile, modes: Oscillators, index: int, driven: Sequence[int]) -> tuple[float, float]:
     """Least and largest amplitude that a mode may have at resonance, over the predicted one.
 
     The moment of a patch is uncertain by its bond and its ceramic, of several by the same factor; a damping ratio that
     nothing says, by `DAMPING_RANGE`. A measured gain is not.
 
     Args:
-        held: modes and actuators of a plate.
+        mode_file: modes and actuators of a plate.
         modes: its oscillators.
         index: of the mode.
         driven: indices of the actuators that are driven.
     """
-    if any(r.mode == index and r.actuators and math.isfinite(r.gain) for r in held.resonances):
+    if any(r.mode == index and r.actuators and math.isfinite(r.gain) for r in mode_file.resonances):
         return 1.0, 1.0
-    spread = max((held.actuators[a].moment_spread for a in driven), default=1.0)
+    spread = max((mode_file.actuators[a].moment_spread for a in driven), default=1.0)
     if not modes.assumed[index]:
         return 1.0 / spread, spread
     low, high = DAMPING_RANGE
     return DEFAULT_DAMPING_RATIO / high / spread, DEFAULT_DAMPING_RATIO / low * spread
 
 
-def modal_forces(held: ModeFile) -> NDArray[np.float64]:
+def modal_forces(mode_file: ModeFile) -> NDArray[np.float64]:
     """Modal force over the voltage [N/V], shape (n_modes, n_actuators).
 
     The forces of a mode whose gain was measured with known actuators are scaled so that these reach that gain.
@@ -203,14 +203,14 @@ def modal_forces(held: ModeFile) -> NDArray[np.float64]:
     Raises:
         InputError: a gain was measured on a nodal line, or with actuators that do not drive the mode.
     """
-    force = held.force_per_volt.copy()
-    modes = oscillators(held)
-    for resonance in held.resonances:
+    force = mode_file.force_per_volt.copy()
+    modes = oscillators(mode_file)
+    for resonance in mode_file.resonances:
         if not resonance.actuators or not math.isfinite(resonance.gain):
             continue
         j = resonance.mode
         omega, damping = 2.0 * math.pi * modes.natural_frequency[j], modes.damping_ratio[j]
-        volt = voltages(held, resonance.actuators, 0.5, [0.0] * len(resonance.actuators))
+        volt = voltages(mode_file, resonance.actuators, 0.5, [0.0] * len(resonance.actuators))
         if abs(force[j] @ volt) <= NO_FORCE * np.abs(force).max() * np.abs(volt).sum():
             raise InputError(
                 f"is {', '.join(resonance.actuators)}, which by its place does not drive mode {j + 1}, allowed are "
@@ -218,7 +218,7 @@ def modal_forces(held: ModeFile) -> NDArray[np.float64]:
                 key="resonance.actuator",
             )
         computed = abs(force[j] @ volt) / (2.0 * damping * modes.modal_mass[j] * omega**2)
-        w = deflection_at(held.modes, j, resonance.driven_point, "resonance.driven_point_mm")
+        w = deflection_at(mode_file.modes, j, resonance.driven_point, "resonance.driven_point_mm")
         force[j] *= resonance.gain / (w * computed)
     return force
 
@@ -288,7 +288,7 @@ class Response:
 
 
 def frequency_response(
-    held: ModeFile,
+    mode_file: ModeFile,
     voltage: NDArray[np.complex128],
     *,
     low: float,
@@ -299,20 +299,20 @@ def frequency_response(
     """Compute the response between two frequencies [Hz] on a grid that resolves every resonance.
 
     Args:
-        held: modes with their modal masses, actuators, and what was measured.
+        mode_file: modes with their modal masses, actuators, and what was measured.
         voltage: complex amplitude of each actuator (n_actuators,) [V].
         low: lowest frequency [Hz].
         high: highest frequency [Hz].
         point: (x, y) [m] of the amplitude; None: the largest on the plate.
         damping_ratio: of all modes, instead of what the file says.
     """
-    modes, coupling = oscillators(held, damping_ratio), modal_forces(held)
+    modes, coupling = oscillators(mode_file, damping_ratio), modal_forces(mode_file)
     frequency = _resolving_grid(modes, low, high)
     q = modes.modal_coordinates(frequency, coupling @ voltage)
-    shapes = _deflections(held, point)
+    shapes = _deflections(mode_file, point)
     amplitude = _largest(q, shapes)
     omega = 2.0 * math.pi * frequency[:, None]
-    actuators = held.actuators
+    actuators = mode_file.actuators
     capacitance = np.array([a.capacitance * (1.0 - 1j * a.loss_tangent) for a in actuators])
     current = 1j * omega * (capacitance * voltage + q @ coupling)
     power = 0.5 * np.real(current @ np.conj(voltage))
@@ -325,7 +325,7 @@ def frequency_response(
     peaks = tuple(
         replace(
             peak,
-            bounds=amplitude_bounds(held, modes, peak.mode, driven.tolist()),
+            bounds=amplitude_bounds(mode_file, modes, peak.mode, driven.tolist()),
             resistive=_maximum_beside(frequency, impedance.real, peak.frequency),
         )
         for peak in _peaks(frequency, amplitude, share, modes)
@@ -349,9 +349,9 @@ def _resolving_grid(modes: Oscillators, low: float, high: float) -> NDArray[np.f
     return np.unique(np.concatenate([np.linspace(low, high, COARSE_POINTS), inside]))
 
 
-def _deflections(held: ModeFile, point: tuple[float, float] | None) -> NDArray[np.float64]:
+def _deflections(mode_file: ModeFile, point: tuple[float, float] | None) -> NDArray[np.float64]:
     """Deflection of every mode at a point, or on a grid of the plate, shape (n_modes, n_points)."""
-    modes, plate = held.modes, held.modes.plate
+    modes, plate = mode_file.modes, mode_file.modes.plate
     if point is not None:
         return np.array([[float(modes.evaluate(i, *point)[0])] for i in range(len(modes))])
     x, y = (np.linspace(-0.5, 0.5, FIELD_POINTS) * side for side in (plate.length, plate.width))
@@ -388,7 +388,7 @@ def _peaks(
         near = next((near for near in (off < modes.damping_ratio, off < BELONGS) if near.any()), True)
         mode = int(np.where(near, share[i], 0.0).argmax())
         peak = Peak(mode, float(frequency[i]), float(amplitude[i]), width)
-        peaks[mode] = max(peak, peaks.get(mode, peak), key=lambda found: found.amplitude)
+        peaks[mode] = max(peak, peaks.get(mode, peak), key=lambda candidate: candidate.amplitude)
     return tuple(sorted(peaks.values(), key=lambda peak: peak.frequency))
 
 
@@ -404,14 +404,14 @@ def _crossing(frequency: NDArray[np.float64], amplitude: NDArray[np.float64], le
     return float(frequency[k - 1] + share * (frequency[k] - frequency[k - 1]))
 
 
-def voltages(held: ModeFile, names: Sequence[str], voltage: float, phases: Sequence[float]) -> NDArray[np.complex128]:
+def voltages(record: ModeFile, names: Sequence[str], voltage: float, phases: Sequence[float]) -> NDArray[np.complex128]:
     """Complex amplitude of every actuator [V]: `voltage` [V] with its phase [rad] for those named, 0 for the others.
 
     Raises:
         KeyError: no actuator has that name.
     """
-    index = {actuator.name: i for i, actuator in enumerate(held.actuators)}
-    amplitudes = np.zeros(len(held.actuators), complex)
+    index = {actuator.name: i for i, actuator in enumerate(record.actuators)}
+    amplitudes = np.zeros(len(record.actuators), complex)
     for name, phase in zip(names, phases, strict=True):
         amplitudes[index[name]] += voltage * np.exp(1j * phase)
     return amplitudes

@@ -64,8 +64,8 @@ class LineNodes:
 
     def growth(self, start: float, end: float) -> float:
         """Factor by which an offset from the line grows on the way between two places [m]; NaN if it is not known."""
-        way = np.linspace(start, end, PATH_POINTS)
-        exponent = float(np.trapezoid(np.interp(way, self.x, self.growth_rate), way))
+        path = np.linspace(start, end, PATH_POINTS)
+        exponent = float(np.trapezoid(np.interp(path, self.x, self.growth_rate), path))
         return math.exp(min(exponent, LARGEST_EXPONENT)) if math.isfinite(exponent) else math.nan
 
 
@@ -125,16 +125,16 @@ def nodes_on_line(modes: PlateModes, *, y: float = 0.0) -> list[LineNodes]:
         if not len(crossing):
             continue
         on_plate = [crossing[(first <= crossing) & (crossing < last)] for first, last in pieces]
-        kept = np.concatenate([crossing[:0], *on_plate])
-        if not len(kept):
+        selected = np.concatenate([crossing[:0], *on_plate])
+        if not len(selected):
             continue
-        fraction = w[kept] / (w[kept] - w[kept + 1])
-        position = x[kept] + fraction * (x[1] - x[0])
+        fraction = w[selected] / (w[selected] - w[selected + 1])
+        position = x[selected] + fraction * (x[1] - x[0])
         cells = []
-        for (first, last), own in zip(pieces, on_plate, strict=True):
-            antinodes = [_antinode(x, w, a, b) for a, b in itertools.pairwise(own.tolist())]
+        for (first, last), crossings in zip(pieces, on_plate, strict=True):
+            antinodes = [_antinode(x, w, a, b) for a, b in itertools.pairwise(crossings.tolist())]
             ends = np.array([x[first], *antinodes, x[last]])
-            if len(own):
+            if len(crossings):
                 cells.append(np.column_stack([ends[:-1], ends[1:]]))
         quarter = 0.25 * standing_wave(modes.plate, float(frequency)).wavelength
         growth = _growth_rate(modes, mode, x, y, w)

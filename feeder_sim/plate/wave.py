@@ -135,9 +135,9 @@ def still_points(wave: Wave) -> NDArray[np.float64]:
         MultiLineString([line for line in contour_generator(x, y, part.T).lines(0.0) if len(line) > 1])
         for part in (field.real, field.imag)
     ]
-    found = np.asarray(get_coordinates(intersection(*parts)))
+    points = np.asarray(get_coordinates(intersection(*parts)))
     outline = wave.surface.outline
-    return found if outline is None else found[outline.holds(found)]
+    return points if outline is None else points[outline.holds(points)]
 
 
 def crest_track(wave: Wave, centre: NDArray[np.float64]) -> Track:

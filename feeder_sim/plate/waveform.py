@@ -106,34 +106,34 @@ def _series(values: NDArray[np.float64], period: float, arms: NDArray[np.float64
     counts = (moves > COUNTS * moves.max()).any(axis=1) | (accelerations > COUNTS * accelerations.max()).any(axis=1)
     largest = np.abs(values).max(axis=0)
     largest[largest == 0.0] = 1.0
-    every = _accelerations(spectrum, rate, arms, n)
-    kept = np.zeros(len(spectrum), bool)
+    total = _accelerations(spectrum, rate, arms, n)
+    selected = np.zeros(len(spectrum), bool)
 
     def residuals() -> tuple[float, float]:
         """Of displacements, over the largest of each column, and of accelerations [m/s^2]."""
-        series = np.fft.irfft(np.where(kept[:, None], _halved(spectrum, n), 0.0), n, axis=0) * n
-        apart = every - _accelerations(np.where(kept[:, None], spectrum, 0.0), rate, arms, n)
+        series = np.fft.irfft(np.where(selected[:, None], _halved(spectrum, n), 0.0), n, axis=0) * n
+        apart = total - _accelerations(np.where(selected[:, None], spectrum, 0.0), rate, arms, n)
         return float((np.abs(values - series) / largest).max()), float(np.abs(apart).max())
 
     for k in np.flatnonzero(counts[: MOST_HARMONICS + 1]):
-        kept[k] = True
+        selected[k] = True
         residual, left_out = residuals()
-        if residual <= CLOSE and left_out <= CLOSE_ACCELERATION * np.abs(every).max():
+        if residual <= CLOSE and left_out <= CLOSE_ACCELERATION * np.abs(total).max():
             break
     higher = accelerations[MOST_HARMONICS + 1 :].max(axis=1, initial=0.0)
-    if len(higher) and not (residuals()[1] <= CLOSE_ACCELERATION * np.abs(every).max()):
+    if len(higher) and not (residuals()[1] <= CLOSE_ACCELERATION * np.abs(total).max()):
         out = higher > max(STANDS_OUT * float(np.quantile(higher, 0.75)), CLOSE_ACCELERATION * accelerations.max())
-        kept[MOST_HARMONICS + 1 :] = out
+        selected[MOST_HARMONICS + 1 :] = out
     residual, left_out = residuals()
-    rest = np.where(kept, 0.0, accelerations.max(axis=1))
+    remaining = np.where(selected, 0.0, accelerations.max(axis=1))
     return Waveform(
         period,
-        np.flatnonzero(kept),
-        spectrum[kept],
+        np.flatnonzero(selected),
+        spectrum[selected],
         residual,
-        float(np.abs(_accelerations(np.where(kept[:, None], spectrum, 0.0), rate, arms, n)).max()),
+        float(np.abs(_accelerations(np.where(selected[:, None], spectrum, 0.0), rate, arms, n)).max()),
         left_out,
-        int(rest.argmax()) / period,
+        int(remaining.argmax()) / period,
     )
 
 

@@ -30,22 +30,22 @@ def right_value(chart: Chart) -> float:
 
 def draw_errors(axes: Any, chart: Chart) -> None:
     """Draw errors [%] over wall times [s] of a seed, with bars of two standard errors."""
-    right = right_value(chart)
+    reference = right_value(chart)
     rows = [row for row in chart.rows if row.n and math.isfinite(row.error)]
     names = list(dict.fromkeys(row.method for row in rows))
-    best = chart.recommended
+    recommended = chart.recommended
     for method, colour in zip(names, COLOURS, strict=False):
-        held = [row for row in rows if row.method == method]
-        error = [100.0 * max(abs(row.error / right), LEAST) for row in held]
-        reach = [100.0 * 2.0 * row.error_se / abs(right) for row in held]
-        cost = [row.wall_s for row in held]
+        method_rows = [row for row in rows if row.method == method]
+        error = [100.0 * max(abs(row.error / reference), LEAST) for row in method_rows]
+        reach = [100.0 * 2.0 * row.error_se / abs(reference) for row in method_rows]
+        cost = [row.wall_s for row in method_rows]
         low = [min(r, e - 50.0 * LEAST) for r, e in zip(reach, error, strict=True)]
         axes.errorbar(cost, error, [low, reach], fmt="none", ecolor=colour, alpha=0.4, linewidth=1.0)
         if method != "simplified":
             axes.plot(cost, error, color=colour, linewidth=1.0, alpha=0.6)
-        for row, x, y in zip(held, cost, error, strict=True):
-            beside = (5, 4) if held.index(row) % 2 else (5, -9)
-            label = (method or "as it is") if row is held[0] else None
+        for row, x, y in zip(method_rows, cost, error, strict=True):
+            beside = (5, 4) if method_rows.index(row) % 2 else (5, -9)
+            label = (method or "as it is") if row is method_rows[0] else None
             axes.plot(x, y, MARKS[row.verdict], color=colour, markersize=6, label=label, linestyle="none")
             axes.annotate(
                 row.setting.removeprefix("no step, ").removeprefix("MuJoCo, "),
@@ -56,7 +56,7 @@ def draw_errors(axes: Any, chart: Chart) -> None:
             )
             if row.default:
                 axes.plot(x, y, "o", markersize=12, markerfacecolor="none", markeredgecolor="black")
-            if best is row:
+            if recommended is row:
                 axes.plot(x, y, "*", markersize=17, markerfacecolor="none", markeredgecolor="#2a8a5f")
     axes.axhline(100.0 * chart.question.within, color="0.5", linewidth=0.8, linestyle=":")
     axes.set_xlim(0.8 * min(row.wall_s for row in rows), 1.5 * max(row.wall_s for row in rows))

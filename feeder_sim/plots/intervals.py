@@ -52,33 +52,33 @@ def draw_over_time(
         counted: whether a seed is part of the mean; the others are dashed.
     """
     common = min((len(frames) for frames, counts in zip(seeds, counted, strict=True) if counts), default=0)
-    kept = []
+    curves = []
     for frames, counts in zip(seeds, counted, strict=True):
         values, rows = value(frames), thinned(len(frames))
         axes.plot(frames.time[rows], values[rows], color=SEED, linewidth=0.7, linestyle="-" if counts else "--")
         if counts and common:
-            kept.append(values[thinned(common)])
+            curves.append(values[thinned(common)])
     axes.plot([], [], color=SEED, linewidth=0.7, label="single seeds")
-    if not kept:
+    if not curves:
         return
     time = next(frames.time for frames, counts in zip(seeds, counted, strict=True) if counts)[thinned(common)]
-    draw_band(axes, time, np.stack(kept), label=f"mean of {len(kept)} seeds", colour=COLOURS[0])
+    draw_band(axes, time, np.stack(curves), label=f"mean of {len(curves)} seeds", colour=COLOURS[0])
 
 
-def drawn_half(found: Statistic) -> float:
+def drawn_half(statistic: Statistic) -> float:
     """Half the interval of a mean; 0 of a mean of too few values."""
-    return half_interval(found.se, found.n) if found.n >= FEWEST else 0.0
+    return half_interval(statistic.se, statistic.n) if statistic.n >= FEWEST else 0.0
 
 
 def draw_bars(
     axes: Any, x: Sequence[float], statistics: Sequence[Statistic], *, label: str, colour: str, shift: float = 0.0
 ) -> None:
     """Draw means over x, joined by a line, with their intervals; those without a value are left out."""
-    held = [(at + shift, s) for at, s in zip(x, statistics, strict=True) if s.n]
-    half = [drawn_half(s) for _, s in held]
+    points = [(at + shift, s) for at, s in zip(x, statistics, strict=True) if s.n]
+    half = [drawn_half(s) for _, s in points]
     axes.errorbar(
-        [at for at, _ in held],
-        [s.mean for _, s in held],
+        [at for at, _ in points],
+        [s.mean for _, s in points],
         yerr=half,
         color=colour,
         marker="o",

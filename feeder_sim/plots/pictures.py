@@ -46,14 +46,14 @@ def draw_imported(imported: Imported, path: Path) -> None:
     height = min(max(panel * width / length, 0.8), 3.0 * panel)
     figure = Figure(figsize=(2.0 * panel * columns + 0.9, rows * (height + 0.25) + 0.1), layout="constrained")
     axes = figure.subplots(rows, 2 * columns, squeeze=False)
-    shown: Any = None
+    contours: Any = None
     for axis in axes.ravel():
         axis.set_axis_off()
     for i in range(len(modes)):
         points, shape = axes[i // columns, 2 * (i % columns) : 2 * (i % columns) + 2]
-        shown = _draw_pair(points, shape, imported, i)
+        contours = _draw_pair(points, shape, imported, i)
     figure.suptitle(f"{length * MM:.4g} x {width * MM:.4g} mm, {len(imported.points)} points", fontsize=9)
-    figure.colorbar(shown, ax=axes, label="deflection, antinode = 1", ticks=[-1, 0, 1], shrink=min(1.0, 2.5 / rows))
+    figure.colorbar(contours, ax=axes, label="deflection, antinode = 1", ticks=[-1, 0, 1], shrink=min(1.0, 2.5 / rows))
     figure.savefig(path, dpi=150)
 
 
@@ -113,8 +113,8 @@ def draw_response(response: Response, path: Path, *, title: str, point: tuple[fl
             va="top",
             arrowprops={"arrowstyle": "-", "color": "0.7", "linewidth": 0.6},
         )
-    where = "largest on the plate" if point is None else f"at ({point[0] * MM:g}, {point[1] * MM:g}) mm"
-    top.set(ylabel=f"amplitude (µm), {where}", title=title)
+    location = "largest on the plate" if point is None else f"at ({point[0] * MM:g}, {point[1] * MM:g}) mm"
+    top.set(ylabel=f"amplitude (µm), {location}", title=title)
     top.set_ylim(None, 20.0 * response.amplitude.max() * UM)  # the labels stand above the peaks
     middle.semilogy(response.frequency, np.abs(response.current.sum(axis=1)) * 1e3, color="#e08a1e", linewidth=1.0)
     middle.set(ylabel="current (mA)")
@@ -159,12 +159,12 @@ def spaced(places: Sequence[float], least: float, low: float, high: float) -> li
         groups.append([place])
         while len(groups) > 1 and _first(groups[-1], least) < _first(groups[-2], least) + len(groups[-2]) * least:
             groups[-2:] = [groups[-2] + groups[-1]]
-    found = [_first(group, least) + i * least for group in groups for i in range(len(group))]
-    for i in range(len(found)):
-        found[i] = max(found[i], low + (i + 0.5) * least)
-    for i in range(len(found)):
-        found[-1 - i] = min(found[-1 - i], high - (i + 0.5) * least)
-    return found
+    positions = [_first(group, least) + i * least for group in groups for i in range(len(group))]
+    for i in range(len(positions)):
+        positions[i] = max(positions[i], low + (i + 0.5) * least)
+    for i in range(len(positions)):
+        positions[-1 - i] = min(positions[-1 - i], high - (i + 0.5) * least)
+    return positions
 
 
 def _first(group: Sequence[float], least: float) -> float:
@@ -172,9 +172,9 @@ def _first(group: Sequence[float], least: float) -> float:
     return sum(group) / len(group) - 0.5 * (len(group) - 1) * least
 
 
-def draw_gallery(held: ModeFile, path: Path) -> None:
+def draw_gallery(mode_file: ModeFile, path: Path) -> None:
     """Draw all mode shapes of a plate on one sheet, with nodal lines, actuators and measured frequencies."""
-    modes = held.modes
+    modes = mode_file.modes
     plate = modes.plate
     columns = min(SHEET_COLUMNS, len(modes))
     rows = math.ceil(len(modes) / columns)
@@ -182,7 +182,7 @@ def draw_gallery(held: ModeFile, path: Path) -> None:
     figure = empty_figure(1.6 * columns, (1.6 * aspect + 0.35) * rows)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     x, y = (np.linspace(-0.5, 0.5, SHEET_POINTS) * side for side in (plate.length, plate.width))
-    measured = {resonance.mode: resonance.frequency for resonance in held.resonances}
+    measured = {resonance.mode: resonance.frequency for resonance in mode_file.resonances}
     for index, axes in enumerate(grid):
         axes.set_axis_off()
         if index >= len(modes):
@@ -192,7 +192,7 @@ def draw_gallery(held: ModeFile, path: Path) -> None:
         filled = axes.contourf(x * MM, y * MM, w.T, levels=levels, cmap="RdBu_r", extend="both")
         lines = axes.contour(x * MM, y * MM, w.T, levels=[0.0], colors="black", linewidths=0.8)
         cut_to_plate(axes, modes.outline, filled, lines)
-        for actuator in held.actuators:
+        for actuator in mode_file.actuators:
             _outline(axes, actuator.layer.corners() * MM)
         title = f"{index + 1}: {modes.natural_frequency[index]:.0f} Hz"
         if index in measured:
@@ -300,11 +300,11 @@ def draw_wave(stage_wave: StageWave, path: Path) -> None:
             ahead = -np.sign(track.turns) * track.tangent[i] * 8.0  # the crest moves against the gradient of the phase
             arrow = {"arrowstyle": "->", "color": "#e08a1e", "lw": 2.0}
             axes.annotate("", track.points[i] * MM + ahead, track.points[i] * MM, arrowprops=arrow)
-        way = np.linspace(0.0, track.length * MM, len(track.points) + 1)
+        distance = np.linspace(0.0, track.length * MM, len(track.points) + 1)
         along, phase = right.subplots(2, 1, sharex=True)
-        along.plot(way, np.abs(np.append(track.amplitude, track.amplitude[0])) * UM, color="#e08a1e")
+        along.plot(distance, np.abs(np.append(track.amplitude, track.amplitude[0])) * UM, color="#e08a1e")
         along.set(ylabel="amplitude (µm)", ylim=(0.0, None))
-        phase.plot(way, track.phase_deg - track.phase_deg[0], color="#e08a1e")
+        phase.plot(distance, track.phase_deg - track.phase_deg[0], color="#e08a1e")
         phase.set(xlabel="along the crest's track, counter-clockwise (mm)", ylabel="phase (deg)")
     axes.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
     axes.legend(loc="upper right", fontsize=8)

@@ -104,15 +104,15 @@ def draw_parts(
     from scipy.spatial import ConvexHull
     from scipy.spatial.transform import Rotation
 
-    there = np.flatnonzero(frames.present[row] & np.isfinite(frames.position[row]).all(axis=1)).tolist()
+    visible = np.flatnonzero(frames.present[row] & np.isfinite(frames.position[row]).all(axis=1)).tolist()
     corners = _all_corners(parts)
     outlines, across = [], np.zeros(len(parts))
-    for i in there:
+    for i in visible:
         turned = Rotation.from_quat(frames.quaternion[row, i], scalar_first=True).apply(corners[i])
         flat = (turned + frames.position[row, i])[:, :2] * MM
         outlines.append(flat[ConvexHull(flat).vertices])
         across[i] = np.linalg.norm(flat - frames.position[row, i, :2] * MM, axis=1).max()
-    face: dict[str, Any] = {"facecolors": [colours[i] for i in there], "edgecolors": "#222222", "linewidths": 0.4}
+    face: dict[str, Any] = {"facecolors": [colours[i] for i in visible], "edgecolors": "#222222", "linewidths": 0.4}
     axes.add_collection(PolyCollection(outlines, zorder=3, **face), autolim=False)
     rings = [frames.position[row, i, :2] * MM for i in picked]
     angle = np.linspace(0.0, 2.0 * np.pi, 41)
@@ -136,11 +136,11 @@ def _all_corners(parts: Sequence[PartRecord]) -> list[NDArray[np.float64]]:
 def draw_paths(axes: Any, seeds: Sequence[Frames], part: int = 0) -> None:
     """Draw the path of a part in every seed, with its ends: ring at the start, dot at the end."""
     for i, frames in enumerate(seeds):
-        way = frames.position[thinned(len(frames)), part, :2] * MM
+        path = frames.position[thinned(len(frames)), part, :2] * MM
         colour = COLOURS[i % len(COLOURS)]
-        axes.plot(*way.T, color=colour, linewidth=0.9, alpha=0.8, zorder=3)
-        axes.plot(*way[0], "o", color=colour, markersize=5, fillstyle="none", zorder=4)
-        axes.plot(*way[-1], "o", color=colour, markersize=4, zorder=4)
+        axes.plot(*path.T, color=colour, linewidth=0.9, alpha=0.8, zorder=3)
+        axes.plot(*path[0], "o", color=colour, markersize=5, fillstyle="none", zorder=4)
+        axes.plot(*path[-1], "o", color=colour, markersize=4, zorder=4)
 
 
 def close_up(axes: Any, plate: PlateRecord, points: NDArray[np.float64], around: float) -> None:

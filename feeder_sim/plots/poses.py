@@ -38,28 +38,28 @@ MARGIN = 1.12  # of the plate shown, over the reach of the part
 
 def draw_poses(part: RigidPart, poses: Sequence[StablePose], path: Path, study: DropStudy | None = None) -> None:
     """Draw the stable poses of a part, with the shares of a drop study if there is one; the suffix is the file type."""
-    shown = sorted(range(len(poses)), key=lambda i: -poses[i].chance)[:MOST]
-    shown.sort()
-    rows = math.ceil(len(shown) / PER_ROW)
-    columns = math.ceil(len(shown) / rows)
+    selected = sorted(range(len(poses)), key=lambda i: -poses[i].chance)[:MOST]
+    selected.sort()
+    rows = math.ceil(len(selected) / PER_ROW)
+    columns = math.ceil(len(selected) / rows)
     figure = empty_figure(2.6 * columns, 2.4 * rows + 0.4)
-    figure.suptitle(_heading(part, len(poses), len(shown), study), fontsize=10)
+    figure.suptitle(_heading(part, len(poses), len(selected), study), fontsize=10)
     for axes in figure.subplots(rows, columns, squeeze=False).ravel():
         axes.set_axis_off()
     reach = MARGIN * max(_reach(part), 1e-9)
-    pictures = np.stack([render(part, poses[i].attitude[0], poses[i].height, reach) for i in shown])
+    pictures = np.stack([render(part, poses[i].attitude[0], poses[i].height, reach) for i in selected])
     used = np.flatnonzero((pictures < 1.0).any(axis=(0, 2, 3)))
     pictures = pictures[:, used[0] : used[-1] + 1]  # the same rows of all, which keeps them to one scale
-    for axes, i, picture in zip(figure.axes, shown, pictures, strict=False):
+    for axes, i, picture in zip(figure.axes, selected, pictures, strict=False):
         axes.imshow(picture, interpolation="antialiased")
         axes.set_title(_title(poses[i], i, study), fontsize=9)
     figure.savefig(path, dpi=150)
 
 
-def _heading(part: RigidPart, n: int, shown: int, study: DropStudy | None) -> str:
+def _heading(part: RigidPart, n: int, n_drawn: int, study: DropStudy | None) -> str:
     text = f"{part.name}: {n} stable pose{'s' if n > 1 else ''}"
-    if shown < n:
-        text += f", the {shown} most likely ones"
+    if n_drawn < n:
+        text += f", the {n_drawn} most likely ones"
     if study is not None:
         text += f"; shares of {len(study.pose):,} drops"
         if study.other:
@@ -70,8 +70,8 @@ def _heading(part: RigidPart, n: int, shown: int, study: DropStudy | None) -> st
 def _title(pose: StablePose, i: int, study: DropStudy | None) -> str:
     share = f"{100.0 * pose.chance:.1f} % (put down slowly)"
     if study is not None:
-        found = study.shares[i]
-        share = f"{100.0 * found.value:.1f} ± {100.0 * found.standard_error:.1f} %"
+        estimate = study.shares[i]
+        share = f"{100.0 * estimate.value:.1f} ± {100.0 * estimate.standard_error:.1f} %"
     return f"{pose.name}   {share}\ncentre {pose.height * MM:.2f} mm high"
 
 
@@ -88,7 +88,7 @@ def render(part: RigidPart, attitude: Floats, height: float, reach: float) -> Fl
     from scipy.spatial.transform import Rotation
 
     at = Rotation.from_quat(attitude, scalar_first=True).apply(part.vertices)
-    at = _turned_to_be_seen(at + np.array([0.0, 0.0, height]), part.faces)
+    at = _turned_to_view(at + np.array([0.0, 0.0, height]), part.faces)
     triangles = at[part.faces]
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area = np.linalg.norm(normal, axis=1)
@@ -104,7 +104,7 @@ def render(part: RigidPart, attitude: Floats, height: float, reach: float) -> Fl
     return canvas.picture()
 
 
-def _turned_to_be_seen(points: Floats, faces: NDArray[np.int64]) -> Floats:
+def _turned_to_view(points: Floats, faces: NDArray[np.int64]) -> Floats:
     """Points (n, 3) turned about the vertical: what is long lies across the view, and no large face is seen edge on."""
     long = np.linalg.svd(points[:, :2] - points[:, :2].mean(axis=0), full_matrices=False)[2][0]
     a, b, c = np.moveaxis(points[faces], 1, 0)
@@ -150,29 +150,29 @@ class _Canvas:
 
     def faces(self, triangles: Floats, colours: Floats, lift: float = 0.0) -> None:
         """Triangles (n, 3, 3) [m] in colours (n, 3), nearer to the eye by `lift` [m]."""
-        seen = triangles @ self._axes.T
-        longest = np.linalg.norm(seen[:, :, :2] - np.roll(seen[:, :, :2], 1, axis=1), axis=2).max(axis=1)
+        projected = triangles @ self._axes.T
+        longest = np.linalg.norm(projected[:, :, :2] - np.roll(projected[:, :, :2], 1, axis=1), axis=2).max(axis=1)
         steps = np.maximum(1, np.ceil(DENSITY * self._scale * longest)).astype(int)
         for chunk, n in _by_steps(steps):
             i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
             u, v = i[i + j <= n] / n, j[i + j <= n] / n
             weights = np.stack([1.0 - u - v, u, v], axis=1)
-            points = np.einsum("sk,nkd->nsd", weights, seen[chunk])
-            self._put(points.reshape(-1, 3), np.repeat(colours[chunk], len(weights), axis=0), lift)
+            points = np.einsum("sk,nkd->nsd", weights, projected[chunk])
+            self._add_samples(points.reshape(-1, 3), np.repeat(colours[chunk], len(weights), axis=0), lift)
 
     def lines(self, ends: Floats, colour: Sequence[float], lift: float) -> None:
         """Lines (n, 2, 3) [m] of one colour."""
         if not len(ends):
             return
-        seen = ends @ self._axes.T
-        longest = float(np.linalg.norm(seen[:, 1, :2] - seen[:, 0, :2], axis=1).max())
+        projected = ends @ self._axes.T
+        longest = float(np.linalg.norm(projected[:, 1, :2] - projected[:, 0, :2], axis=1).max())
         share = np.linspace(0.0, 1.0, 2 + math.ceil(DENSITY * self._scale * longest))
-        for chunk in np.array_split(np.arange(len(seen)), 1 + len(seen) * len(share) // SAMPLES):
-            points = seen[chunk, :1] + share[:, None] * (seen[chunk, 1:] - seen[chunk, :1])
+        for chunk in np.array_split(np.arange(len(projected)), 1 + len(projected) * len(share) // SAMPLES):
+            points = projected[chunk, :1] + share[:, None] * (projected[chunk, 1:] - projected[chunk, :1])
             flat = points.reshape(-1, 3)
-            self._put(flat, np.tile(colour, (len(flat), 1)), lift)
+            self._add_samples(flat, np.tile(colour, (len(flat), 1)), lift)
 
-    def _put(self, points: Floats, colours: Floats, lift: float) -> None:
+    def _add_samples(self, points: Floats, colours: Floats, lift: float) -> None:
         column = np.floor(0.5 * self._side + self._scale * points[:, 0]).astype(int)
         row = np.floor(0.5 * self._side - self._scale * (points[:, 1] - self._up)).astype(int)
         inside = (column >= 0) & (column < self._side) & (row >= 0) & (row < self._side)

@@ -32,14 +32,14 @@ def draw_paths(axes: Axes, plate: PlateRecord, seeds: Sequence[Frames]) -> Axes:
     for ring in rings:
         axes.plot(*(np.vstack([ring, ring[:1]]).T * MM), color="black", linewidth=1.0)
     for seed in seeds:
-        shown = seed[slice(None, None, max(1, len(seed) // PATH_POINTS))]
-        places = np.where(shown.present[..., None], shown.position[..., :2], np.nan) * MM
+        sampled = seed[slice(None, None, max(1, len(seed) // PATH_POINTS))]
+        places = np.where(sampled.present[..., None], sampled.position[..., :2], np.nan) * MM
         for part in range(places.shape[1]):
             (line,) = axes.plot(*places[:, part].T, linewidth=0.8)
-            there = places[np.isfinite(places[:, part, 0]), part]
-            if len(there):
-                axes.plot(*there[0], "o", markersize=3, fillstyle="none", color=line.get_color())
-                axes.plot(*there[-1], "o", markersize=3, color=line.get_color())
+            path = places[np.isfinite(places[:, part, 0]), part]
+            if len(path):
+                axes.plot(*path[0], "o", markersize=3, fillstyle="none", color=line.get_color())
+                axes.plot(*path[-1], "o", markersize=3, color=line.get_color())
     axes.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
     return axes
 
@@ -47,22 +47,22 @@ def draw_paths(axes: Axes, plate: PlateRecord, seeds: Sequence[Frames]) -> Axes:
 def draw_ways(
     axes: Axes,
     seeds: Sequence[Frames],
-    way: Callable[[Frames], NDArray[np.float64]],
+    distance: Callable[[Frames], NDArray[np.float64]],
     *,
     counted: Sequence[bool],
 ) -> Axes:
-    """Distance from the nodal line over time, as `draw_over_time` draws it; `way` has values (n,) of a seed."""
+    """Distance from the nodal line over time, as `draw_over_time` draws it; `distance` has values (n,) of a seed."""
     for level in (PASSAGE_FROM, PASSAGE_TO):
         axes.axhline(level, color="0.6", linewidth=0.8, linestyle="--")
-    draw_over_time(axes, seeds, way, counted=counted)
+    draw_over_time(axes, seeds, distance, counted=counted)
     axes.set(xlabel="time (s)", ylabel="distance from node over that of antinode", ylim=(0.0, None))
     axes.legend()
     return axes
 
 
-def draw_stages(axes: Axes, found: SeparationFindings) -> Axes:
+def draw_stages(axes: Axes, findings: SeparationFindings) -> Axes:
     """Counts at the ends of the stages that were reached, means with standard errors over the seeds."""
-    stages = [stage for stage in found.stages if stage.end_s.n]
+    stages = [stage for stage in findings.stages if stage.end_s.n]
     for name, label in STAGE_COUNTS.items():
         counts = [getattr(stage, name) for stage in stages]
         error = [np.nan_to_num(count.se) for count in counts]
@@ -73,11 +73,11 @@ def draw_stages(axes: Axes, found: SeparationFindings) -> Axes:
     return axes
 
 
-def draw_intervals(axes: Axes, intervals: Sequence[NDArray[np.float64]], found: BounceFindings) -> Axes:
+def draw_intervals(axes: Axes, intervals: Sequence[NDArray[np.float64]], findings: BounceFindings) -> Axes:
     """Histogram of bounce intervals (n,) [s] of all seeds, with their mean."""
     axes.hist(np.concatenate([*intervals, np.empty(0)]) * MS, bins=40, color="0.6")
-    if found.bounce_interval_ms.n:
-        mean = found.bounce_interval_ms.mean
+    if findings.bounce_interval_ms.n:
+        mean = findings.bounce_interval_ms.mean
         axes.axvline(mean, color="black", linewidth=1.0, label=f"mean {mean:.3g} ms")
         axes.legend()
     axes.set(xlabel="bounce interval (ms)", ylabel="bounces")

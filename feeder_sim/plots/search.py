@@ -39,30 +39,30 @@ def search_figures(search: Search) -> list[Figure]:
     return [course, over_keys] if rows else [course]
 
 
-def draw_history(axes: Any, found: Search) -> None:
+def draw_history(axes: Any, search: Search) -> None:
     """Draw means with standard errors over the trials, and the check of a search with 95 % intervals.
 
     Trials that were stopped are pale.
     """
     for stopped, color, label in ((True, PALE, "stopped early"), (False, BLUE, "all seeds")):
-        shown = [
+        points = [
             (i, trial.found)
-            for i, trial in enumerate(found.trials)
+            for i, trial in enumerate(search.trials)
             if trial.stopped == stopped and not math.isnan(trial.found.mean)
         ]
-        if shown:
-            place, found_there = zip(*shown, strict=True)
-            error = [0.0 if math.isnan(s.se) else s.se for s in found_there]
-            axes.errorbar(place, [s.mean for s in found_there], error, fmt="o", color=color, markersize=4, label=label)
-    steps = found.running_best
+        if points:
+            place, statistics = zip(*points, strict=True)
+            error = [0.0 if math.isnan(s.se) else s.se for s in statistics]
+            axes.errorbar(place, [s.mean for s in statistics], error, fmt="o", color=color, markersize=4, label=label)
+    steps = search.running_best
     axes.step(range(len(steps)), steps, where="post", color=GREY, linewidth=1.0, label="best so far")
     for after, checked, color, label in (
-        (2, found.present, RED, "recipe of the file, fresh seeds"),
-        (4, found.best, GREEN, "best recipe, fresh seeds"),
+        (2, search.present, RED, "recipe of the file, fresh seeds"),
+        (4, search.best, GREEN, "best recipe, fresh seeds"),
     ):
         if checked is not None and checked.found.n:
             reach = drawn_half(checked.found)
             axes.errorbar(len(steps) + after, checked.found.mean, reach, fmt="s", color=color, capsize=3, label=label)
-    axes.set(xlabel="trial", ylabel=measure_label(found.aim.measure))
+    axes.set(xlabel="trial", ylabel=measure_label(search.aim.measure))
     axes.grid(True, alpha=0.3)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))

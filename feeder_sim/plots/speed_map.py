@@ -20,15 +20,15 @@ RED = "#be3434"
 THROWS = (1.0, 10.0, 100.0, 1000.0)  # throw numbers of lines
 
 
-def map_figure(found: SpeedMap) -> Figure:
+def map_figure(speed_map: SpeedMap) -> Figure:
     """A map of the transport speed."""
 
     def draw(figure: Any) -> None:
-        draw_points(figure.subplots(), found.points, title=found.heading, marks=found.question.marks)
+        draw_points(figure.subplots(), speed_map.points, title=speed_map.heading, marks=speed_map.question.marks)
 
     label = "Transport speed over drive frequency and amplitude"
     caption = f"{label}: white where no seed arrives, hatched where less than half of them do."
-    return Figure(draw, 5.4, f"{label}, {found.size}.", caption)
+    return Figure(draw, 5.4, f"{label}, {speed_map.size}.", caption)
 
 
 def draw_points(
@@ -53,8 +53,8 @@ def draw_points(
     for p in points:
         at = np.searchsorted(amplitudes, p.amplitude_um), np.searchsorted(frequencies, p.frequency_hz)
         speed[at], share[at] = p.mean, p.n / p.seeds
-    known = speed[np.isfinite(speed)]
-    low, high = (known.min(), known.max()) if known.size else (0.1, 1.0)
+    speeds = speed[np.isfinite(speed)]
+    low, high = (speeds.min(), speeds.max()) if speeds.size else (0.1, 1.0)
     norm = LogNorm(low, max(high, 1.001 * low))
     x, y = _edges(frequencies, log=False), _edges(amplitudes, log=True)
     mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(speed), norm=norm, cmap="viridis", rasterized=True)
@@ -65,20 +65,20 @@ def draw_points(
             axes.clabel(lines, fmt="%g mm/s", fontsize=7)
         if (share < HATCHED).any():
             axes.contourf(frequencies, amplitudes, share < HATCHED, levels=[0.5, 1.5], colors="none", hatches=["///"])
-    fine, seen = np.linspace(x[0], x[-1], 400), [withStroke(linewidth=2.5, foreground="white")]  # on every colour
+    fine, halo = np.linspace(x[0], x[-1], 400), [withStroke(linewidth=2.5, foreground="white")]  # on every colour
     for throw in THROWS:
         amplitude = 1e6 * throw * GRAVITY / (2.0 * math.pi * fine) ** 2
         inside = (amplitude > y[0]) & (amplitude < y[-1])
         if inside.any():
             width = 1.6 if throw == 1.0 else 0.8
-            axes.plot(fine[inside], amplitude[inside], color=RED, linewidth=width, path_effects=seen)
+            axes.plot(fine[inside], amplitude[inside], color=RED, linewidth=width, path_effects=halo)
             axes.annotate(
                 f"throw number {throw:g}",
                 (fine[inside][0], amplitude[inside][0]),
                 xytext=(3, -9 if amplitude[inside][0] > 0.8 * y[-1] else 2),
                 textcoords="offset points",
                 color=RED,
-                path_effects=seen,
+                path_effects=halo,
                 fontsize=7,
             )
     for frequency, amplitude_um, measured in marks:

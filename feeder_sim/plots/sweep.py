@@ -101,10 +101,11 @@ def draw_line(
     reach = np.array([_drawn_half(row) for row in rows])
     if joined and all(row.spread for row in rows):
         low, high = (np.array([getattr(row.spread, name) for row in rows]) for name in ("inputs_low", "inputs_high"))
-        told = np.isfinite(low)
-        if told.any():
+        is_finite = np.isfinite(low)
+        if is_finite.any():
             axes.fill_between(x[order], low[order], high[order], color=PALE, label="90 % over the inputs")
-            axes.vlines(x[told], low[told], high[told], color=PALE, linewidth=3.0)  # seen where points beside have none
+            # Seen where points beside have none.
+            axes.vlines(x[is_finite], low[is_finite], high[is_finite], color=PALE, linewidth=3.0)
             axes.legend()
     line = "o-" if joined and numbers else "o"
     bars = {"fmt": line, "color": colour, "markersize": 4, "capsize": 2, "linewidth": 1.2, "label": label}

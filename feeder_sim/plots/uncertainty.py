@@ -23,28 +23,28 @@ MOST_PANELS = 9  # of inputs; more would make the picture too high
 ROOM = 1.45  # of the height of a histogram, with the legend above it
 
 
-def uncertainty_figures(found: Uncertainty, measure: str) -> list[Figure]:
+def uncertainty_figures(study: Uncertainty, measure: str) -> list[Figure]:
     """How a measure spreads, what it depends on where that can be told, and its draws over each input."""
-    linear, indices = found.linear_shares(measure), found.indices(measure)
+    linear, indices = study.linear_shares(measure), study.indices(measure)
     shares = [_shares_figure(linear, indices, measure)] if linear or indices else []
-    return [_spread_figure(found, measure, found.question.measured), *shares, _inputs_figure(found, measure)]
+    return [_spread_figure(study, measure, study.question.measured), *shares, _inputs_figure(study, measure)]
 
 
-def _spread_figure(found: Uncertainty, measure: str, measured: float | None) -> Figure:
+def _spread_figure(study: Uncertainty, measure: str, measured: float | None) -> Figure:
     """All runs as a histogram, with the intervals and a measured value."""
-    label, spread = measure_label(measure), found.spread(measure)
-    runs = sum(len(row) for row in found.values(measure))
+    label, spread = measure_label(measure), study.spread(measure)
+    runs = sum(len(row) for row in study.values(measure))
     alt = f"Histogram of {label} in {runs} runs: median {number(spread.median)}, {spread.of_runs} "
     alt += f"{between(spread.low, spread.high)}{f', measured {number(measured)}' if measured is not None else ''}."
     caption = f"{label}: {runs} runs, every seed of every draw. Bars: {spread.of_runs}"
     caption += f", and {spread.of_means} over many seeds." if math.isfinite(spread.inputs_low) else "."
-    return Figure(lambda figure: draw_values(figure.add_subplot(), found, measure, measured), 3.4, alt, caption)
+    return Figure(lambda figure: draw_values(figure.add_subplot(), study, measure, measured), 3.4, alt, caption)
 
 
-def _inputs_figure(found: Uncertainty, measure: str) -> Figure:
+def _inputs_figure(study: Uncertainty, measure: str) -> Figure:
     """The mean of every draw over each uncertain input."""
-    keys, label = list(found.scenario.uncertain or {})[:MOST_PANELS], measure_label(measure)
-    pairs = zip(found.draws, found.values(measure), strict=True)
+    keys, label = list(study.scenario.uncertain or {})[:MOST_PANELS], measure_label(measure)
+    pairs = zip(study.draws, study.values(measure), strict=True)
     rows = [Mean(draw, Statistic.of([float(np.mean(values))])) for draw, values in pairs if values]
     alt = f"{label} over {' and '.join(keys)}, {len(rows)} draws."
     return sample_figure(rows, keys, label, alt=alt, caption=f"{label}: means over the seeds of each draw.")
@@ -55,19 +55,19 @@ def _shares_figure(linear: LinearShares | None, indices: Sequence[Index], measur
     label, keys = measure_label(measure), [i.key for i in (linear.inputs if linear else indices)]
     kinds = [("by straight lines", [i.share for i in linear.inputs])] if linear else []
     kinds += [("Sobol, first order", [i.first for i in indices])] if indices else []
-    told = [f"{kind}: {', '.join(f'{k} {s:.2f}' for k, s in zip(keys, s_, strict=True))}" for kind, s_ in kinds]
+    texts = [f"{kind}: {', '.join(f'{k} {s:.2f}' for k, s in zip(keys, s_, strict=True))}" for kind, s_ in kinds]
     return Figure(
         lambda figure: draw_shares(figure.add_subplot(), linear, indices),
         height=1.2 + (0.4 + 0.2 * len(kinds)) * len(keys),
-        alt=f"Shares of the variance of {label}; {'; '.join(told)}.",
+        alt=f"Shares of the variance of {label}; {'; '.join(texts)}.",
         caption=f"{label}: share of its variance over the inputs that depends on each. Lines are 95 % intervals.",
     )
 
 
-def draw_values(axes: Any, found: Uncertainty, measure: str, measured: float | None) -> None:
+def draw_values(axes: Any, study: Uncertainty, measure: str, measured: float | None) -> None:
     """Histogram of all runs, the intervals, and a measured value."""
-    spread = found.spread(measure)
-    values = np.array([value for row in found.values(measure) for value in row])
+    spread = study.spread(measure)
+    values = np.array([value for row in study.values(measure) for value in row])
     axes.hist(values, bins=min(30, max(5, round(math.sqrt(len(values))))), color=PALE)
     top = axes.get_ylim()[1]
     for height, low, high, label, color in (

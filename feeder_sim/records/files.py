@@ -58,7 +58,7 @@ def check_no_links(folder: Path) -> None:
     Raises:
         InputError: a link by the name of a file of the run, or anywhere among its inputs.
     """
-    for name in (RUN, LOCK, INPUTS, *OWN, *(f"{own}.*" for own in OWN), f"{INPUTS}/*"):
+    for name in (RUN, LOCK, INPUTS, *OWN, *(f"{pattern}.*" for pattern in OWN), f"{INPUTS}/*"):
         for path in sorted(folder.glob(name)):
             if path.is_symlink():
                 raise InputError("is a link, allowed is a file of the run itself", file=path)

@@ -205,8 +205,8 @@ class Recording:
     wall_s: float
 
     def __repr__(self) -> str:
-        held = [counted(len(self.parts), "part"), endings(self.status), f"engine {self.engine}"]
-        return f"<Recording {self.path}: {', '.join(held)}>"
+        facts = [counted(len(self.parts), "part"), endings(self.status), f"engine {self.engine}"]
+        return f"<Recording {self.path}: {', '.join(facts)}>"
 
     def _repr_html_(self) -> str:
         lines = [f"{n:>3}  {record!r}" for n, record in enumerate(self.records)]

@@ -59,10 +59,10 @@ class Cause(IntEnum):
 def events(columns: Columns, **values: ArrayLike) -> Events:
     """Events of one kind, one per entry of the longest column; a number stands for all rows, nothing for none."""
     arrays = np.broadcast_arrays(*(values.get(name, ()) for name in columns))
-    found = np.empty(len(arrays[0]), [(name, kind) for name, (_, kind) in columns.items()])
+    rows = np.empty(len(arrays[0]), [(name, kind) for name, (_, kind) in columns.items()])
     for name, array in zip(columns, arrays, strict=True):
-        found[name] = array
-    events: Events = found.view(np.recarray)
+        rows[name] = array
+    events: Events = rows.view(np.recarray)
     return events
 
 
@@ -88,8 +88,8 @@ def impacts_of(rows: NDArray[np.float64]) -> Events:
 
 def joined(blocks: Sequence[Events]) -> Events:
     """Concatenate events of one kind in time."""
-    held = [block for block in blocks if len(block)] or blocks[:1]
-    events: Events = np.concatenate(held).view(np.recarray) if len(held) > 1 else held[0]
+    filled = [block for block in blocks if len(block)] or blocks[:1]
+    events: Events = np.concatenate(filled).view(np.recarray) if len(filled) > 1 else filled[0]
     return events
 
 
@@ -124,9 +124,9 @@ class LastStates:
     def of(block: Frames, valid: int) -> LastStates:
         """Cut the frames around the failure out of a block of which the first `valid` frames are valid."""
         skipped = max(0, min(valid - LAST_FRAMES // 2, len(block) - LAST_FRAMES))
-        kept = block[slice(skipped, skipped + LAST_FRAMES)]
+        frames = block[slice(skipped, skipped + LAST_FRAMES)]
         # Copied, since `present` is still written to.
-        return LastStates(Frames(*(getattr(kept, field.name).copy() for field in fields(Frames))), valid - skipped)
+        return LastStates(Frames(*(getattr(frames, field.name).copy() for field in fields(Frames))), valid - skipped)
 
 
 def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates) -> str:
@@ -142,16 +142,16 @@ def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates
     arrays: dict[str, Any] = {field.name: getattr(last.frames, field.name) for field in fields(Frames)}
     arrays |= {"valid": last.valid, "divergence": failure.divergence.name, "cause": failure.cause}
     arrays |= {"part": failure.part, "time_s": failure.time_s}
-    held = io.BytesIO()
-    np.savez(held, **arrays)
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
     stem = _stem(failure.seed)
     for name in itertools.chain([f"{stem}.npz"], (f"{stem}_{number}.npz" for number in itertools.count(2))):
         path = folder / name
         if path.is_symlink() or (path.exists() and not path.is_file()):
             continue
-        if path.exists() and path.read_bytes() != held.getvalue():
+        if path.exists() and path.read_bytes() != buffer.getvalue():
             continue
-        write_whole(path, held.getvalue())
+        write_whole(path, buffer.getvalue())
         return name
     raise AssertionError("unreachable")
 
@@ -169,9 +169,9 @@ def read_failure(folder: Path, seed: int) -> tuple[SimulationDiverged, LastState
     path = folder / f"{_stem(seed)}.npz"
     last = read_last_states(path)
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
-            name, cause, part = (str(held[key]) if key in held else "" for key in ("divergence", "cause", "part"))
-            time = float(held["time_s"])
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            name, cause, part = (str(archive[key]) if key in archive else "" for key in ("divergence", "cause", "part"))
+            time = float(archive["time_s"])
     except Exception as error:
         raise InputError("holds no readable last states", file=path) from error
     divergence = Divergence.__members__.get(name, Divergence.UNKNOWN)
@@ -185,8 +185,8 @@ def read_last_states(path: str | Path) -> LastStates:
         InputError: the file cannot be read.
     """
     try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as held:
-            arrays = {name: held[name] for name in held.files}
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
         frames = Frames(**{field.name: arrays[field.name] for field in fields(Frames)})
         return LastStates(frames, int(arrays["valid"]))
     except Exception as error:  # of a file that is damaged or of another kind, NumPy raises what it likes
@@ -204,8 +204,8 @@ class Status(IntEnum):
 
 def endings(status: Sequence[Status]) -> str:
     """How many seeds there are, and how they ended: "4 seeds (3 done, 1 diverged)"."""
-    ways = [f"{status.count(way)} {way.name.lower().replace('_', ' ')}" for way in Status if way in status]
-    return f"{counted(len(status), 'seed')} ({', '.join(ways) or 'none'})"
+    texts = [f"{status.count(ending)} {ending.name.lower().replace('_', ' ')}" for ending in Status if ending in status]
+    return f"{counted(len(status), 'seed')} ({', '.join(texts) or 'none'})"
 
 
 class Counts(NamedTuple):
@@ -258,8 +258,8 @@ class Seed:
     reached_s: float | None = field(default=None, kw_only=True)
 
     def __repr__(self) -> str:
-        held = [counted(len(self.impacts), "impact"), counted(len(self.removals), "removal")]
-        return f"<Seed: {', '.join([repr(self.frames)[9:-1], *held])}, {self.status.name.lower()}>"
+        facts = [counted(len(self.impacts), "impact"), counted(len(self.removals), "removal")]
+        return f"<Seed: {', '.join([repr(self.frames)[9:-1], *facts])}, {self.status.name.lower()}>"
 
     @property
     def reached(self) -> float | None:

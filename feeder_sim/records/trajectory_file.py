@@ -72,12 +72,12 @@ def read_recording(path: str | Path) -> Recording:
 
 def _recording(path: Path, file: Any) -> Recording:
     check_trusted(file, path)
-    found, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
+    schema, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
     if version is not None and version != SCHEMA_VERSION:  # first: the text of version 1 is not to be read
         message = f"is {version}, allowed is {SCHEMA_VERSION}: its scenario has to be run again"
         raise InputError(message, file=path, key="schema_version")
-    if found != SCHEMA or version is None:
-        raise InputError(f"is {found!r}, allowed is a trajectory ({SCHEMA!r})", file=path, key="schema")
+    if schema != SCHEMA or version is None:
+        raise InputError(f"is {schema!r}, allowed is a trajectory ({SCHEMA!r})", file=path, key="schema")
     groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"], key=int)]
     return Recording(
         path=path,

@@ -33,7 +33,7 @@ class TrajectoryWriter:
         path: of the file, which is new.
         engine, seed, scenario_text, libraries, inputs, plate, parts: what the file says about the run.
         n_seeds: how many there will be.
-        kept: another file of the same run, and the seeds in it that have ended, which are copied.
+        copied: another file of the same run, and the seeds in it that have ended, which are copied.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class TrajectoryWriter:
         inputs: dict[str, str],
         plate: PlateRecord,
         parts: Sequence[PartRecord],
-        kept: tuple[Path, Collection[int]] | None = None,
+        copied: tuple[Path, Collection[int]] | None = None,
     ) -> None:
         import h5py
 
@@ -64,7 +64,7 @@ class TrajectoryWriter:
                 write_plate(self._file, plate)
                 self._write_parts(parts)
                 self._create_seed("empty", len(parts))
-                before, ended = kept or (path, ())
+                before, ended = copied or (path, ())
                 for index in set(range(n_seeds)) - set(ended):
                     self._file.copy(self._file["empty"], self._file, seed_name(index))
                 del self._file["empty"]

@@ -39,20 +39,20 @@ def read_hdf5(path: Path, read: Callable[[Any], T]) -> T:
         OSError: it cannot be opened: not HDF5, cut, or with a damaged head.
         Exception: whatever h5py raises for damage in it.
     """
-    for left in reversed(range(TRIES)):
+    for remaining in reversed(range(TRIES)):
         before = _stamp(path)
         try:
             with _opened(path) as file:
                 return read(file)
         except Exception:
-            if left == 0 or _stamp(path) == before:
+            if remaining == 0 or _stamp(path) == before:
                 raise
     raise AssertionError("unreachable")
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    held = path.stat()
-    return held.st_size, held.st_mtime_ns
+    status = path.stat()
+    return status.st_size, status.st_mtime_ns
 
 
 @contextmanager
@@ -108,12 +108,12 @@ class _Mended(io.RawIOBase):
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
         self._raw.seek(self._at)
-        held = self._raw.read(len(buffer))
-        if not held:
+        content = self._raw.read(len(buffer))
+        if not content:
             raise OSError("the file is cut")
         if self._at < len(self._head):
-            held = self._head[self._at : self._at + len(held)] + held[len(self._head) - self._at :]
-        buffer[:] = held.ljust(len(buffer), b"\0")  # the library looks ahead beyond the end
+            content = self._head[self._at : self._at + len(content)] + content[len(self._head) - self._at :]
+        buffer[:] = content.ljust(len(buffer), b"\0")  # the library looks ahead beyond the end
         self._at += len(buffer)
         return len(buffer)
 
@@ -121,8 +121,8 @@ class _Mended(io.RawIOBase):
 def lookup3(data: bytes) -> int:
     """Jenkins' hash of some bytes, `hashlittle` of lookup3 with the initial value 0."""
     a = b = c = (0xDEADBEEF + len(data)) & _WORD
-    whole = max(0, (len(data) - 1) // 12 * 12)
-    for x, y, z in struct.iter_unpack("<3I", data[:whole]):
+    aligned = max(0, (len(data) - 1) // 12 * 12)
+    for x, y, z in struct.iter_unpack("<3I", data[:aligned]):
         a, b, c = (a + x) & _WORD, (b + y) & _WORD, (c + z) & _WORD
         for turns in ((4, 6, 8), (16, 19, 4)):
             a = ((a - c) & _WORD) ^ _turned(c, turns[0])
@@ -131,9 +131,9 @@ def lookup3(data: bytes) -> int:
             a = (a + c) & _WORD
             c = ((c - b) & _WORD) ^ _turned(b, turns[2])
             b = (b + a) & _WORD
-    if len(data) == whole:
+    if len(data) == aligned:
         return c
-    x, y, z = struct.unpack("<3I", data[whole:].ljust(12, b"\0"))
+    x, y, z = struct.unpack("<3I", data[aligned:].ljust(12, b"\0"))
     a, b, c = (a + x) & _WORD, (b + y) & _WORD, (c + z) & _WORD
     c = ((c ^ b) - _turned(b, 14)) & _WORD
     a = ((a ^ c) - _turned(c, 11)) & _WORD

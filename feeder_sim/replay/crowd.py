@@ -107,7 +107,7 @@ def log_crowd(
     _log_stages(stream, recording.plate, stages, float(frames.time[-1]))
     log_picks(stream, frames, removals, recording.parts)
     if scenario.goal is not None:
-        _log_way(stream, recording, shown_seed)
+        _log_mean_x(stream, recording, shown_seed)
     else:
         _log_counts(stream, recording.plate, frames, removals, stages, columns)
 
@@ -143,11 +143,11 @@ def _log_kind(
 ) -> None:
     """Log all parts of a kind and their shadows, as instances of one mesh for each entry of the legend."""
     part = recording.parts[members[0]]
-    present, entry = frames.present[:, members], colours.index(frames, members)
+    is_present, entry = frames.present[:, members], colours.index(frames, members)
     for i in entries:
         entity = f"parts/{kind}/{i}"
         stream.log(entity, drawn_part(part, colours.entries[i].colour), static=True)
-        log_instances(stream, entity, frames, members, present & (entry == i), times)
+        log_instances(stream, entity, frames, members, is_present & (entry == i), times)
     log_shadows(stream, recording.plate, str(kind), part, frames, members, times)
 
 
@@ -202,17 +202,17 @@ def _log_counts(
         )
 
 
-def _log_way(stream: Any, recording: Recording, shown_seed: int) -> None:
+def _log_mean_x(stream: Any, recording: Recording, shown_seed: int) -> None:
     """Log the mean x of the parts over time, for the shown seed and for all others."""
     import rerun as rr
 
     for seed, frames in enumerate(recording.seeds):
-        shown = seed == shown_seed
-        name = "counts/shown" if shown else f"counts/others/seed_{seed:03d}"
+        is_shown = seed == shown_seed
+        name = "counts/shown" if is_shown else f"counts/others/seed_{seed:03d}"
         style = rr.SeriesLines(
-            colors=[NUT if shown else OTHER_SEEDS],
-            widths=[2.0 if shown else 1.0],
-            names=["mean x of the parts (mm)" if shown else f"seed {seed}"],
+            colors=[NUT if is_shown else OTHER_SEEDS],
+            widths=[2.0 if is_shown else 1.0],
+            names=["mean x of the parts (mm)" if is_shown else f"seed {seed}"],
         )
         stream.log(name, style, static=True)
         place = rr.Scalars.columns(scalars=frames.position[..., 0].mean(axis=1) * MM)
@@ -230,14 +230,14 @@ def crowd_blueprint(recording: Recording, shown_seed: int, *, style: Style, entr
     title = "Parts picked, lost, on the plate, isolated"
     if goal is not None:
         title = f"x (mm): shown seed orange, others grey; the goal is {goal.x_mm:g}"
-    others = [f"/counts/others/seed_{seed:03d}" for seed in range(len(recording.seeds)) if seed != shown_seed]
-    others_named = rr.SeriesLines.from_fields(names=["other seeds"])
+    other_entities = [f"/counts/others/seed_{seed:03d}" for seed in range(len(recording.seeds)) if seed != shown_seed]
+    other_lines = rr.SeriesLines.from_fields(names=["other seeds"])
     counts = rrb.TimeSeriesView(
         origin="/counts",
         name=title,
         titlebar=not bare,
         plot_legend=rrb.PlotLegend(visible=bare or goal is None),
-        overrides=dict.fromkeys(others, others_named) if bare and goal is not None else None,
+        overrides=dict.fromkeys(other_entities, other_lines) if bare and goal is not None else None,
     )
     views, shares = [counts, wave_view(box, style=style)], [1.0, 1.0]
     if style == "slow_motion":

@@ -50,30 +50,30 @@ class Camera:
     def picture(self, at: float) -> Image:
         """The content at a time [s]."""
         self._client.set_time(self._timeline, duration=at, play_state="paused")
-        whole = self._whole()
+        image = self._screenshot()
         edge, bar = _pixels(EDGE, self._zoom), _pixels(BAR, self._zoom)
-        return whole.crop((edge, bar, edge + self._size[0], bar + self._size[1]))
+        return image.crop((edge, bar, edge + self._size[0], bar + self._size[1]))
 
     def settle(self, at: float) -> None:
         """Draw until the notes are gone and nothing moves any more."""
         self._client.set_time(self._timeline, duration=at, play_state="paused")
-        deadline, alike, before = time.monotonic() + NOTES_TIMEOUT_S, 0, b""
+        deadline, alike, previous = time.monotonic() + NOTES_TIMEOUT_S, 0, b""
         while alike < SETTLED and time.monotonic() < deadline:
-            whole = self._whole()
-            now = whole.tobytes()
-            alike = alike + 1 if now == before and not self._has_notes(whole) else 0
-            before = now
+            image = self._screenshot()
+            pixels = image.tobytes()
+            alike = alike + 1 if pixels == previous and not self._has_notes(image) else 0
+            previous = pixels
 
-    def _whole(self) -> Image:
+    def _screenshot(self) -> Image:
         from PIL import Image
 
         return Image.open(io.BytesIO(self._client.take_screenshot())).convert("RGB")
 
-    def _has_notes(self, whole: Image) -> bool:
+    def _has_notes(self, image: Image) -> bool:
         """Whether the bar above the content is not empty in its right half."""
         edge, bar = _pixels(EDGE, self._zoom), _pixels(BAR, self._zoom)
-        empty = np.asarray(whole.crop((whole.width // 2, 2 * edge, whole.width - 6 * edge, bar - edge)))
-        return int(np.ptp(empty, axis=(0, 1)).max()) > 2
+        right_half = np.asarray(image.crop((image.width // 2, 2 * edge, image.width - 6 * edge, bar - edge)))
+        return int(np.ptp(right_half, axis=(0, 1)).max()) > 2
 
 
 @contextlib.contextmanager
@@ -171,7 +171,7 @@ def _pixels(points: float, zoom: float) -> int:
 def viewer_program() -> str:
     """The viewer that came with rerun-sdk: beside this Python, else on the path."""
     beside = shutil.which("rerun", path=str(Path(sys.executable).parent))
-    found = beside or shutil.which("rerun")
-    if found is None:
+    program = beside or shutil.which("rerun")
+    if program is None:
         raise FeederSimError("the rerun viewer is not installed (pip install rerun-sdk)")
-    return found
+    return program

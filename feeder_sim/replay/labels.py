@@ -144,5 +144,5 @@ def _drive_text(plate: PlateRecord, number: int) -> str:
     drive = plate.drives[number]
     amplitude = drive.steady_amplitude * float(np.abs(plate.mode_shape[drive.shape]).max())
     frequency = drive.drive_frequency
-    shown = f"{frequency:.5g} Hz" if frequency < 1e4 else f"{frequency / 1e3:.4g} kHz"
-    return f"{shown}, {amplitude * 1e6:.3g} µm"
+    frequency_text = f"{frequency:.5g} Hz" if frequency < 1e4 else f"{frequency / 1e3:.4g} kHz"
+    return f"{frequency_text}, {amplitude * 1e6:.3g} µm"

@@ -31,7 +31,7 @@ class Eye:
     position: NDArray[np.float64]
     target: NDArray[np.float64]
 
-    def seen(self, points: ArrayLike, aspect: float) -> NDArray[np.float64]:
+    def project(self, points: ArrayLike, aspect: float) -> NDArray[np.float64]:
         """Places (n, 2) of points (n, 3) [mm] in a pane, from -1 to 1 in each axis; aspect is width over height."""
         right, up, forward = _axes(self.position - self.target)
         relative = np.asarray(points, float) - self.position

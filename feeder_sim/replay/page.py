@@ -33,7 +33,7 @@ from feeder_sim.replay.plate import (
     nodal_lines_of,
     thinned,
 )
-from feeder_sim.replay.replay import check_shown, is_crowd, times_of
+from feeder_sim.replay.replay import check_seed, is_crowd, times_of
 from feeder_sim.replay.single import PATH, single_box
 from feeder_sim.scenario import parse_scenario
 from feeder_sim.scene.timetable import Timetable, timed
@@ -56,7 +56,7 @@ def replay_page(recording: Recording, shown_seed: int = 0, *, colour: Colour | N
     Raises:
         InputError: there is no such seed, or nothing of it.
     """
-    check_shown(recording, shown_seed)
+    check_seed(recording, shown_seed)
     with _scene() as server:
         return _Page(server, recording, shown_seed, colour).played()
 
@@ -137,12 +137,12 @@ class _Page:
         terms = modal_terms(timed(self.plate.drives, self.times))
         grid = area_of(self.plate.x, self.plate.y, None)
         handles: dict[bytes, Any] = {}
-        shown: list[Any] = []
+        visible: list[Any] = []
         for time, field in amplitude_fields(self.plate, grid, terms, self.last, step=COLOUR_STEP):
             key = np.round(field / COLOUR_STEP).astype(np.int8).tobytes()
             if key not in handles:
                 handles[key] = self._coloured(f"/plate/surface_{len(handles)}", diverging(field))
-            yield time, self._showing(handles[key], shown)
+            yield time, self._showing(handles[key], visible)
 
     def _coloured(self, name: str, colours: NDArray[np.uint8]) -> Any:
         """The surface with colours (nx * ny, 4) at its grid, which glow, so that no light changes them."""
@@ -167,14 +167,14 @@ class _Page:
         mesh = trimesh.Trimesh(vertices, self.area.triangles, visual=visual, process=False)
         return self.scene.add_mesh_trimesh(name, mesh, visible=False, cast_shadow=False, receive_shadow=False)
 
-    def _showing(self, handle: Any, shown: list[Any]) -> Any:
+    def _showing(self, handle: Any, visible: list[Any]) -> Any:
         """What shows a node, and hides the one that was shown in its place."""
 
         def change() -> None:
-            for other in shown:
+            for other in visible:
                 if other is not handle:
                     other.visible = False
-            shown[:] = [handle]
+            visible[:] = [handle]
             handle.visible = True
 
         return change
@@ -183,7 +183,7 @@ class _Page:
         """Nodal lines of the modes that a stage drives."""
         of_shapes = nodal_lines_of(self.plate)
         handles: dict[tuple[int, ...], Any] = {}
-        shown: list[Any] = []
+        visible: list[Any] = []
         for stage in self.times.stages:
             if stage.start > self.last:
                 return
@@ -191,12 +191,12 @@ class _Page:
             lines = [line for shape in shapes for line in of_shapes[shape]]
             if shapes not in handles:
                 handles[shapes] = self._strips(f"/plate/lines_{len(handles)}", lines, NODE, 2.0, visible=False)
-            yield stage.start, self._showing(handles[shapes], shown)
+            yield stage.start, self._showing(handles[shapes], visible)
 
     def _texts(self) -> Iterator[tuple[float, Any]]:
         """Which stage it is, which drives act."""
         handles: dict[str, Any] = {}
-        shown: list[Any] = []
+        visible: list[Any] = []
         for time, text in stage_texts(self.plate, self.times, self.last):
             if text not in handles:
                 handles[text] = self.scene.add_label(
@@ -205,7 +205,7 @@ class _Page:
                     position=tuple(self.box.stage_place * self.scale),
                     visible=False,
                 )
-            yield time, self._showing(handles[text], shown)
+            yield time, self._showing(handles[text], visible)
 
     def _rings(self) -> Iterator[tuple[float, Any]]:
         """Around the parts that are about to be picked."""
@@ -231,17 +231,17 @@ class _Page:
             yield from self._kind(f"/parts/{kind}", self.parts[members[0]], members)
 
     def _kind(self, name: str, part: PartRecord, members: list[int]) -> Iterator[tuple[float, Any]]:
-        present = self.frames.present[:, members]
-        place = np.where(present[..., None], np.nan_to_num(self.frames.position[:, members]), 0.0)
+        is_present = self.frames.present[:, members]
+        place = np.where(is_present[..., None], np.nan_to_num(self.frames.position[:, members]), 0.0)
         place = (np.round(place * (MM * PLACE)) * (self.scale / PLACE)).astype(np.float32)
-        turn = np.where(present[..., None], self.frames.quaternion[:, members], [1.0, 0.0, 0.0, 0.0])
+        turn = np.where(is_present[..., None], self.frames.quaternion[:, members], [1.0, 0.0, 0.0, 0.0])
         turn = (np.round(turn * TURN) / TURN).astype(np.float32)
         palette = np.array([entry.colour for entry in self.colours.entries], np.uint8)
         palette = np.round(255.0 * (palette / 255.0) ** 2.2).astype(
             np.uint8
         )  # the player takes those of instances as linear
         colour = palette[self.colours.index(self.frames, members)]
-        size = present.astype(np.float32)
+        size = is_present.astype(np.float32)
         handle = self.scene.add_batched_meshes_simple(
             name,
             self._units(part.vertices),

@@ -26,7 +26,7 @@ from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.timetable import Timetable, timed, timetable
 
 REPLAY = "replay.rrd"  # its name in a run folder
-OWN_REPLAY = re.compile(r"replay(_seed_\d+)?\.rrd")
+REPLAY_NAMES = re.compile(r"replay(_seed_\d+)?\.rrd")
 RRD = b"RRF"  # begin of a file that rerun has made
 
 
@@ -40,10 +40,10 @@ def replay_name(seed: int, colour: Colour | None = None) -> str:
 def remove_replays(folder: Path) -> None:
     """Remove the replays of a run folder, which are built again when they are asked for, and nothing of others."""
     for path in folder.glob("replay*.rrd"):
-        if OWN_REPLAY.fullmatch(path.name) and not path.is_symlink() and path.is_file():
+        if REPLAY_NAMES.fullmatch(path.name) and not path.is_symlink() and path.is_file():
             with path.open("rb") as file:
-                made_by_rerun = file.read(len(RRD)) == RRD
-            if made_by_rerun:
+                is_rerun_file = file.read(len(RRD)) == RRD
+            if is_rerun_file:
                 path.unlink()
 
 
@@ -78,7 +78,7 @@ def replay_content(
     """
     import rerun as rr
 
-    check_shown(recording, shown_seed)
+    check_seed(recording, shown_seed)
     stream = rr.RecordingStream("feeder_sim", recording_id=f"{recording.path.parent.name}-{shown_seed}")
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
     times = times_of(recording, scenario, shown_seed)
@@ -86,7 +86,7 @@ def replay_content(
     crowd = is_crowd(scenario)
     colours = colours_of(scenario, colour, recording.parts)
     box = plate_box(recording.plate) if crowd else single_box(recording, shown_seed)
-    held = stream.memory_recording()
+    memory = stream.memory_recording()
     if crowd:
         blueprint = crowd_blueprint(recording, shown_seed, style=style, entries=len(colours.entries))
     else:
@@ -101,7 +101,7 @@ def replay_content(
         log_crowd(stream, recording, scenario, times, terms, shown_seed, colours)
     else:
         log_single(stream, recording, shown_seed)
-    return bytes(held.drain_as_bytes())
+    return bytes(memory.drain_as_bytes())
 
 
 def timeline_ends(recording: Recording, shown_seed: int) -> dict[str, float]:
@@ -110,7 +110,7 @@ def timeline_ends(recording: Recording, shown_seed: int) -> dict[str, float]:
     Raises:
         InputError: there is no such seed, or nothing of it.
     """
-    check_shown(recording, shown_seed)
+    check_seed(recording, shown_seed)
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
     last, times = float(recording.seeds[shown_seed].time[-1]), times_of(recording, scenario, shown_seed)
     drives = recording.plate.drives
@@ -127,7 +127,7 @@ def times_of(recording: Recording, scenario: Scenario, shown_seed: int) -> Timet
     return timetable(scenario, record.stops.tolist(), frame_interval=interval)
 
 
-def check_shown(recording: Recording, shown_seed: int) -> None:
+def check_seed(recording: Recording, shown_seed: int) -> None:
     """Refuse a seed that there is not, or nothing of it."""
     if not 0 <= shown_seed < len(recording.seeds):
         raise InputError(

@@ -89,16 +89,16 @@ def log_instances(
     entity: str,
     frames: Frames,
     members: Sequence[int],
-    shown: NDArray[np.bool_],
+    is_shown: NDArray[np.bool_],
     times: Sequence[Any],
 ) -> None:
     """Log the poses of parts as instances of the mesh of an entity; those not shown (n, m) get the scale 0."""
     import rerun as rr
 
-    position = np.where(shown[..., None], frames.position[:, members] * MM, 0.0)
+    position = np.where(is_shown[..., None], frames.position[:, members] * MM, 0.0)
     poses = rr.InstancePoses3D.columns(
         translations=position.reshape(-1, 3),
         quaternions=frames.quaternion[:, members][..., [1, 2, 3, 0]].reshape(-1, 4),
-        scales=np.repeat(shown.astype(np.float32).reshape(-1, 1), 3, axis=1),
+        scales=np.repeat(is_shown.astype(np.float32).reshape(-1, 1), 3, axis=1),
     )
     stream.send_columns(entity, indexes=times, columns=poses.partition(np.full(len(frames), len(members))))

@@ -51,14 +51,14 @@ def single_box(recording: Recording, shown_seed: int) -> Box:
     if not plate.nodal_lines or (box.high - box.low).max() < LARGE * radius_of(part):
         return box
     cell = NodalLines(plate.nodal_lines).distance(plate.antinode[None])[0] * MM
-    way = recording.seeds[shown_seed].position[:, 0, :2] * MM
+    path = recording.seeds[shown_seed].position[:, 0, :2] * MM
     antinode = plate.antinode * MM
     side = np.maximum(CELL * cell, 4.0 * radius_of(part))
     low, high = box.low.copy(), box.high.copy()
-    low[:2] = np.maximum(np.minimum(np.nanmin(way, axis=0), antinode) - side, low[:2])
-    high[:2] = np.minimum(np.maximum(np.nanmax(way, axis=0), antinode) + side, high[:2])
-    whole = high - low > NEARLY_ALL * (box.high - box.low)
-    return Box(np.where(whole, box.low, low), np.where(whole, box.high, high))
+    low[:2] = np.maximum(np.minimum(np.nanmin(path, axis=0), antinode) - side, low[:2])
+    high[:2] = np.minimum(np.maximum(np.nanmax(path, axis=0), antinode) + side, high[:2])
+    is_nearly_all = high - low > NEARLY_ALL * (box.high - box.low)
+    return Box(np.where(is_nearly_all, box.low, low), np.where(is_nearly_all, box.high, high))
 
 
 def _log_parts(stream: Any, recording: Recording, frames: Frames) -> None:
@@ -107,23 +107,23 @@ def _log_plots(stream: Any, recording: Recording, shown_seed: int) -> None:
     import rerun as rr
 
     lines = NodalLines(recording.plate.nodal_lines)
-    rest = float(recording.seeds[shown_seed].position[:, 0, 2].min())
+    rest_height = float(recording.seeds[shown_seed].position[:, 0, 2].min())
     guided = _guide(recording) is not None
     hops = rr.components.AggregationPolicy.Off if guided else rr.components.AggregationPolicy.Max
     for seed, frames in enumerate(recording.seeds):
-        shown = seed == shown_seed
-        name = "shown" if shown else _other(seed)
+        is_shown = seed == shown_seed
+        name = "shown" if is_shown else _other(seed)
         time = rr.TimeColumn(TIMELINE, duration=frames.time)
-        columns = {"height_mm": (frames.position[:, 0, 2] - rest) * MM} if shown else {}
-        if shown and guided:
+        columns = {"height_mm": (frames.position[:, 0, 2] - rest_height) * MM} if is_shown else {}
+        if is_shown and guided:
             columns["velocity_mm_s"] = frames.velocity[:, 0, 2] * MM
         if lines.lines:
             columns["distance_mm"] = lines.distance(frames.position[:, 0, :2]) * MM
         for plot, values in columns.items():
             style = rr.SeriesLines(
-                colors=[NUT if shown else (*LINE_GREY, 140)],
-                widths=[2.0 if shown else 1.0],
-                names=[PLOTS[plot] if shown else f"seed {seed}"],
+                colors=[NUT if is_shown else (*LINE_GREY, 140)],
+                widths=[2.0 if is_shown else 1.0],
+                names=[PLOTS[plot] if is_shown else f"seed {seed}"],
                 aggregation_policy=hops,  # a plot narrower than the record must not average the hops away
             )
             stream.log(f"plots/{plot}/{name}", style, static=True)
@@ -140,9 +140,9 @@ def single_blueprint(recording: Recording, shown_seed: int, *, style: Style) -> 
     if guided:
         largest["velocity_mm_s"] = float(np.abs(frames.velocity[:, 0, 2]).max()) * MM
     largest["height_mm"] = float(np.ptp(frames.position[:, 0, 2])) * MM
-    others = [seed for seed in range(len(recording.seeds)) if seed != shown_seed]
+    other_seeds = [seed for seed in range(len(recording.seeds)) if seed != shown_seed]
     plots = [
-        _plot(name, value, others, window=WINDOW_S if guided else None, bare=style != "viewer")
+        _plot(name, value, other_seeds, window=WINDOW_S if guided else None, bare=style != "viewer")
         for name, value in largest.items()
     ]
     title = "Scene (mm), colour = displacement amplitude"
@@ -150,7 +150,7 @@ def single_blueprint(recording: Recording, shown_seed: int, *, style: Style) -> 
     return layout(box, scene_eye(box, 1, style, direction), plots, [1.0] * len(plots), title=title, style=style)
 
 
-def _plot(name: str, largest: float, others: list[int], *, window: float | None, bare: bool) -> Any:
+def _plot(name: str, largest: float, other_seeds: list[int], *, window: float | None, bare: bool) -> Any:
     """A time series view up to a little above the largest value, or of `window` [s] around now.
 
     Bare, it has a legend in place of its title, in which the other seeds are left out.
@@ -163,7 +163,7 @@ def _plot(name: str, largest: float, others: list[int], *, window: float | None,
     if window:
         sides = [rr.TimeRangeBoundary.cursor_relative(seconds=side * window / 2.0) for side in (-1.0, 1.0)]
         around = rrb.TimeAxis(view_range=rr.TimeRange(*sides))
-    others_named = rr.SeriesLines.from_fields(names=["other seeds"])
+    other_lines = rr.SeriesLines.from_fields(names=["other seeds"])
     return rrb.TimeSeriesView(
         origin=f"/plots/{name}",
         name=f"{PLOTS[name].capitalize()}: shown seed orange, others grey",
@@ -171,7 +171,7 @@ def _plot(name: str, largest: float, others: list[int], *, window: float | None,
         axis_x=around,
         axis_y=rrb.ScalarAxis(range=(1.05 * lowest, 1.05 * max(largest, 1e-6))),
         plot_legend=rrb.PlotLegend(visible=bare),  # one orange line and a bundle of grey ones need none beside a title
-        overrides={f"/plots/{name}/{_other(seed)}": others_named for seed in others} if bare else None,
+        overrides={f"/plots/{name}/{_other(seed)}": other_lines for seed in other_seeds} if bare else None,
     )
 
 

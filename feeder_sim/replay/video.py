@@ -20,7 +20,7 @@ from feeder_sim.records.trajectory_file import read_recording, trajectory_of
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera
 from feeder_sim.replay.plate import SLOW, TIMELINE
-from feeder_sim.replay.viewer import ends_shown
+from feeder_sim.replay.viewer import replay_ends
 
 FPS, SIZE = 25.0, (1280, 720)
 LONGEST_S = 20.0  # of a film whose speed is not given
@@ -97,7 +97,7 @@ def film_of(
         InputError: there is no such run, or a value is not allowed.
     """
     fps, size = FPS if fps is None else fps, size or SIZE
-    ends = ends_shown(run, seed, slow=slow)
+    ends = replay_ends(run, seed, slow=slow)
     last = ends[SLOW if slow else TIMELINE]
     begin, end = 0.0 if begin is None else begin, last if end is None else end
     if not 0.0 <= begin < end <= last:
@@ -145,8 +145,8 @@ def make_film(
         RecordingFailed: the film cannot be written.
     """
     recording, times = read_recording(trajectory_of(run)), film.times
-    shown = camera(recording, seed=seed, size=film.size, timeline=film.timeline, colour=colour)
-    with shown as viewer, _written(file, film) as write:
+    context = camera(recording, seed=seed, size=film.size, timeline=film.timeline, colour=colour)
+    with context as viewer, _written(file, film) as write:
         viewer.settle(float(times[0]))
         for i, time in enumerate(times):
             write(viewer.picture(float(time)).tobytes())
@@ -157,9 +157,9 @@ def make_film(
 def _written(file: Path, film: Film) -> Iterator[Callable[[bytes], Any]]:
     """Takes the frames of a film (RGB, row by row); the file gets its name at the end."""
     partial = partial_of(file)
-    with tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryFile() as log:
         try:
-            ffmpeg = subprocess.Popen(_command(film, partial), stdin=subprocess.PIPE, stdout=said, stderr=said)
+            ffmpeg = subprocess.Popen(_command(film, partial), stdin=subprocess.PIPE, stdout=log, stderr=log)
             assert ffmpeg.stdin is not None
             try:
                 with contextlib.suppress(BrokenPipeError), ffmpeg.stdin:  # ffmpeg itself says why it ended
@@ -170,8 +170,8 @@ def _written(file: Path, film: Film) -> Iterator[Callable[[bytes], Any]]:
             finally:
                 ffmpeg.wait()
             if ffmpeg.returncode:
-                said.seek(0)
-                lines = said.read().decode(errors="replace").splitlines() or ["it gave no reason"]
+                log.seek(0)
+                lines = log.read().decode(errors="replace").splitlines() or ["it gave no reason"]
                 raise FeederSimError(f"{file}: ffmpeg has not written it: {printable(lines[-1])}")
             partial.replace(file)
         except OSError as error:

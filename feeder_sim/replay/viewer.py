@@ -39,11 +39,11 @@ def replay_file(run: Path, *, seed: int = 0, colour: Colour | None = None, rebui
     replay = folder / name
     if not rebuild and replay.is_file() and replay.stat().st_mtime_ns >= trajectory.stat().st_mtime_ns:
         return replay
-    with contextlib.ExitStack() as held:
+    with contextlib.ExitStack() as stack:
         try:
             if not os.access(folder, os.W_OK):
                 raise InputError("cannot be written to", file=folder)
-            held.enter_context(locked(folder))
+            stack.enter_context(locked(folder))
         except FeederSimError:
             replay = Path(tempfile.mkdtemp(prefix="feeder_sim_")) / name
         build_replay(trajectory, replay, shown_seed=seed, colour=colour)
@@ -56,7 +56,7 @@ def time_shown(run: Path, at: float | None, *, seed: int = 0, slow: bool = False
     Raises:
         InputError: the record ends before, or has no slow motion.
     """
-    ends = ends_shown(run, seed, slow=slow)
+    ends = replay_ends(run, seed, slow=slow)
     end = ends[SLOW if slow else TIMELINE]
     if at is None:
         return min(DEFAULT_TIME, end)
@@ -70,7 +70,7 @@ def time_shown(run: Path, at: float | None, *, seed: int = 0, slow: bool = False
     return at
 
 
-def ends_shown(run: Path, seed: int, *, slow: bool) -> dict[str, float]:
+def replay_ends(run: Path, seed: int, *, slow: bool) -> dict[str, float]:
     """Last time [s] on each timeline of the replay of a run.
 
     Raises:

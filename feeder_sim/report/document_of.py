@@ -24,7 +24,7 @@ from feeder_sim.studies.ask import KINDS, kind_of, open_study
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Study, text_of
 
-# A question asked of many runs as a page: what was asked, pictures, tables, cautions, and how to repeat it.
+# A question asked of many runs as a page: what was asked, pictures, tables, warnings, and how to repeat it.
 #
 # A sweep, uncertain inputs and a search have content of their own; any other study shows its table and what it says of
 # itself.
@@ -52,9 +52,9 @@ def study_document(folder: Path) -> Document:
     command = content.command or question.command(folder / SCENARIO)
     files = tuple(name for name in study.files(lambda _: "") if (folder / name).is_file())
     sections = (
-        Section("What was asked", (*content.asked, _asked(question))),
+        Section("What was asked", (*content.asked, _question_table(question))),
         *content.sections,
-        Section("Cautions", remarks or (Text("None known."),)),
+        Section("Warnings", remarks or (Text("None known."),)),
         Section("The scenario", scenario_blocks(scenario, text)),
         Section(
             "How to repeat it",
@@ -72,10 +72,10 @@ def study_document(folder: Path) -> Document:
     )
 
 
-def _asked(question: Question) -> Table:
+def _question_table(question: Question) -> Table:
     """The words of the question."""
-    given = question.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-    rows = tuple((headed(name), worded(value)) for name, value in given.items() if value not in (False, [], 0, ""))
+    fields = question.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    rows = tuple((headed(name), worded(value)) for name, value in fields.items() if value not in (False, [], 0, ""))
     return Table("", ("what", "how"), rows)
 
 

@@ -19,26 +19,26 @@ MOST_ROWS = 200  # of a table of stages; more would make the page too large to m
 LEAST_FOR_INTERVAL = 3  # values; that of two is as wide as 25 standard errors
 
 
-def in_order(measures: Iterable[str], asked: str = "") -> list[str]:
+def in_order(measures: Iterable[str], requested: str = "") -> list[str]:
     """Measures: the one that was asked for, the most telling ones, the others, at last those of stages."""
-    rank = {name: i for i, name in enumerate(dict.fromkeys((asked, *TELLING)))}
+    rank = {name: i for i, name in enumerate(dict.fromkeys((requested, *TELLING)))}
     return sorted(measures, key=lambda name: (rank.get(name, len(rank)), "[" in name or "." in name))
 
 
-def tiles(measures: Mapping[str, Any], own: Sequence[str] = ()) -> tuple[Tile, ...]:
-    """The most important results of a run; own: values that other packages, or a user, have added."""
-    found = []
+def tiles(measures: Mapping[str, Any], added: Sequence[str] = ()) -> tuple[Tile, ...]:
+    """The most important results of a run; added: values that other packages, or a user, have added."""
+    results = []
     if "at_goal" in measures and measures["at_goal_of"]:
-        found.append(Tile("arrived", f"{measures['at_goal']} of {measures['at_goal_of']}", "parts", "of all seeds"))
-    transport = bool(found)
-    for name in (*HEADLINES, *own):
+        results.append(Tile("arrived", f"{measures['at_goal']} of {measures['at_goal_of']}", "parts", "of all seeds"))
+    transport = bool(results)
+    for name in (*HEADLINES, *added):
         value = measures.get(name, {})
         if not is_statistic(value) or not value["n"] or (transport and name in ("picked", "lost")):
             continue
         label, unit = split_unit(name)
         text, note = _short(value)
-        found.append(Tile(label, text, unit, note))
-    return tuple(found[:TILES])
+        results.append(Tile(label, text, unit, note))
+    return tuple(results[:TILES])
 
 
 def _short(value: Mapping[str, Any]) -> tuple[str, str]:

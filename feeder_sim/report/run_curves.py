@@ -32,7 +32,7 @@ def draw_counts(axes: Any, ends: Sequence[StageCounts], counts: Sequence[str], l
         statistics = [getattr(end, name) for end in ends]
         shift = DODGE * (i - 0.5 * (len(counts) - 1))
         draw_bars(axes, cycles, statistics, label=label, colour=COLOURS[i % len(COLOURS)], shift=shift)
-    _whole_numbers(axes, cycles)
+    _integer_ticks(axes, cycles)
     axes.set_ylim(0.0, None)
 
 
@@ -46,7 +46,7 @@ def draw_by_stage(axes: Any, stages: Sequence[str], curves: Sequence[tuple[str, 
     axes.set_ylim(0.0, None)
 
 
-def _whole_numbers(axes: Any, values: Sequence[int]) -> None:
+def _integer_ticks(axes: Any, values: Sequence[int]) -> None:
     """Tick an axis at whole numbers only."""
     from matplotlib.ticker import MaxNLocator
 
@@ -145,7 +145,7 @@ def curves(run: Recorded) -> Iterator[Figure]:
 
 
 def _findings(run: Recorded, kind: type[Kind]) -> Kind | None:
-    return next((found for _, found in run.result.findings if isinstance(found, kind)), None)
+    return next((findings for _, findings in run.result.findings if isinstance(findings, kind)), None)
 
 
 def _seeds(run: Recorded) -> tuple[list[Frames], list[bool]]:
@@ -162,8 +162,8 @@ def _drift(run: Recorded) -> Figure:
     def value(frames: Frames) -> NDArray[np.float64]:
         if cell is not None:
             return np.asarray(cell.way(frames) * cell.reach * MM)
-        way = frames.position[:, 0, :2] - frames.position[0, 0, :2]
-        return np.asarray(np.linalg.norm(way, axis=1) * MM)
+        displacement = frames.position[:, 0, :2] - frames.position[0, 0, :2]
+        return np.asarray(np.linalg.norm(displacement, axis=1) * MM)
 
     def draw(figure: Any) -> None:
         axes = figure.add_subplot()
@@ -180,18 +180,18 @@ def _drift(run: Recorded) -> Figure:
                 axes.annotate(f"{name} of the timed way", (0.0, level * cell.reach * MM), **text)
         axes.legend(loc="upper right" if cell is not None else "upper left")
 
-    what = "its distance to the nearest nodal line" if cell is not None else "its horizontal distance from the start"
+    label = "its distance to the nearest nodal line" if cell is not None else "its horizontal distance from the start"
     mean = ""
     if first_end is not None:
         until = f" up to {first_end:.3g} s, when the first seed ends" if cell is not None else ""
         band = "; the band is its 95 % interval" if sum(counted) >= FEWEST else ""
         mean = f" The mean is drawn{until}{band}."
-    left = " Dashed seeds did not run to their end." if not all(counted) else ""
+    dashed = " Dashed seeds did not run to their end." if not all(counted) else ""
     return Figure(
         draw,
         height=3.3,
-        alt=f"The part over time: {what}, in {len(seeds)} seeds.",
-        caption=f"The part over time: {what}.{mean}{left}",
+        alt=f"The part over time: {label}, in {len(seeds)} seeds.",
+        caption=f"The part over time: {label}.{mean}{dashed}",
     )
 
 
@@ -201,9 +201,9 @@ def _to_goal(run: Recorded) -> Figure:
     assert goal is not None  # the caller's check
 
     def value(frames: Frames) -> NDArray[np.float64]:
-        there = np.where(frames.present, frames.position[..., 0], np.nan)
+        x = np.where(frames.present, frames.position[..., 0], np.nan)
         counts = np.maximum(frames.present.sum(axis=1), 1)
-        return np.where(frames.present.any(axis=1), np.nansum(there, axis=1) / counts, np.nan) * MM
+        return np.where(frames.present.any(axis=1), np.nansum(x, axis=1) / counts, np.nan) * MM
 
     def draw(figure: Any) -> None:
         axes = figure.add_subplot()
@@ -227,8 +227,8 @@ def _to_goal(run: Recorded) -> Figure:
 def _bounces(run: Recorded, findings: BounceFindings) -> Figure:
     """Histograms of the flights of a part in a guide."""
     scene = run.result.scene
-    done = [record for record, s in zip(run.recording.records, run.recording.status, strict=True) if s == Status.DONE]
-    flights = seed_flights(scene, [record.impacts for record in done])
+    ended = [record for record, s in zip(run.recording.records, run.recording.status, strict=True) if s == Status.DONE]
+    flights = seed_flights(scene, [record.impacts for record in ended])
     means = (findings.bounce_interval_ms, findings.flight_height_mm, findings.impact_speed_mm_s)
     period = 1.0 / scene.scenario.excitations[0][1].frequency_hz
     motions = ", ".join(f"{name} in {n}" for name, n in findings.motion.items())

@@ -45,33 +45,33 @@ def plate_picture(run: Recorded) -> Figure | None:
     for drive in plate.drives:
         if has_shape(plate, drive.shape):
             driven.setdefault((drive.shape, round(drive.drive_frequency, 3)), []).append(drive.steady_amplitude)
-    shown = list(driven.items())[:MOST_SHAPES]
-    if not shown:
+    shapes = list(driven.items())[:MOST_SHAPES]
+    if not shapes:
         return None
-    columns = min(len(shown), 2 if len(shown) in (2, 4) else 3)
-    height = _height(plate, len(shown), columns)
+    columns = min(len(shapes), 2 if len(shapes) in (2, 4) else 3)
+    height = _height(plate, len(shapes), columns)
 
     def draw(figure: Any) -> None:
-        grid = figure.subplots(math.ceil(len(shown) / columns), columns, squeeze=False)
-        for axes in grid.ravel()[len(shown) :]:
+        grid = figure.subplots(math.ceil(len(shapes) / columns), columns, squeeze=False)
+        for axes in grid.ravel()[len(shapes) :]:
             axes.set_axis_off()
-        for axes, ((shape, frequency), amplitudes) in zip(grid.ravel(), shown, strict=False):
+        for axes, ((shape, frequency), amplitudes) in zip(grid.ravel(), shapes, strict=False):
             filled = draw_shape(axes, plate, shape)
             low, high = min(amplitudes) * UM, max(amplitudes) * UM
             amplitude = number(high, 3) if math.isclose(low, high) else f"{number(low, 3)} to {number(high, 3)}"
             axes.set_title(f"{frequency:g} Hz, {amplitude} µm")
-            _label(axes, grid, len(shown))
+            _label(axes, grid, len(shapes))
         figure.colorbar(filled, ax=grid, label="deflection, antinode = 1", ticks=[-1, 0, 1], shrink=0.8, aspect=30)
 
-    more = len(driven) - len(shown)
-    left_out = f" {more} more are not shown." if more else ""
-    frequencies = ", ".join(f"{frequency:g} Hz" for (_, frequency), _ in shown)
+    more = len(driven) - len(shapes)
+    remark = f" {more} more are not shown." if more else ""
+    frequencies = ", ".join(f"{frequency:g} Hz" for (_, frequency), _ in shapes)
     return Figure(
         draw,
         height=height,
         alt=f"Mode shapes of the plate, driven at {frequencies}, seen from above, with nodal lines.",
         caption="What the plate does: mode shapes as driven, with their amplitudes at the antinode. Red and blue swing "
-        f"in opposite phase; black lines are nodal lines, which stay at rest.{left_out}",
+        f"in opposite phase; black lines are nodal lines, which stay at rest.{remark}",
     )
 
 
@@ -102,7 +102,7 @@ def _paths(run: Recorded) -> Figure:
     plate, cell = run.recording.plate, run.result.prepared.cell
     seeds = [frames for frames in run.recording.seeds if len(frames) > 1]
     points = np.concatenate([frames.position[:, 0, :2] for frames in seeds])
-    shown = cell is not None and np.ptp(points, axis=0).max() < 0.6 * max(plate.length, plate.width)
+    is_close_up = cell is not None and np.ptp(points, axis=0).max() < 0.6 * max(plate.length, plate.width)
 
     def draw(figure: Any) -> None:
         axes = figure.add_subplot()
@@ -112,11 +112,11 @@ def _paths(run: Recorded) -> Figure:
                 goal.x_mm - goal.within_mm, goal.x_mm + goal.within_mm, color="#2a8a5f", alpha=0.25, linewidth=0
             )
         draw_paths(axes, seeds)
-        if shown and cell is not None:
+        if is_close_up and cell is not None:
             close_up(axes, plate, np.vstack([points, cell.antinode]), ROOM * cell.reach)
         axes.set(xlabel="x (mm)", ylabel="y (mm)")
 
-    around = " Only the part of the plate around the paths is shown." if shown else ""
+    around = " Only the part of the plate around the paths is shown." if is_close_up else ""
     return Figure(
         draw,
         height=4.2,
@@ -132,9 +132,9 @@ def _moments(run: Recorded) -> Figure:
     seed = next(i for i, frames in enumerate(recording.seeds) if len(frames) > 1)
     record = recording.records[seed]
     frames, plate = record.frames, recording.plate
-    moments = _chosen(run.result.scene.stages(record.stops.tolist()), frames, run.result.scene.frame_interval)
+    moments = _selected_moments(run.result.scene.stages(record.stops.tolist()), frames, run.result.scene.frame_interval)
     colours = colours_of(scenario, None, recording.parts)
-    every = list(range(len(recording.parts)))
+    all_parts = list(range(len(recording.parts)))
     columns = 2
     height = _height(plate, len(moments), columns)
 
@@ -147,7 +147,7 @@ def _moments(run: Recorded) -> Figure:
         for axes, (title, row, stage) in zip(grid.ravel(), moments, strict=False):
             shapes = [plate.drives[i].shape for i in stage.excitations] if stage else []
             _ground(axes, plate, shapes[0] if len(set(shapes)) == 1 else None)
-            entry = colours.index(frames[slice(row, row + 1)], every)[0]
+            entry = colours.index(frames[slice(row, row + 1)], all_parts)[0]
             filled = ["#{:02x}{:02x}{:02x}".format(*colours.entries[i].colour) for i in entry]
             picked: list[int] = []
             if stage is not None:
@@ -174,7 +174,7 @@ def _moments(run: Recorded) -> Figure:
     )
 
 
-def _chosen(
+def _selected_moments(
     stages: list[TimedStage] | tuple[TimedStage, ...], frames: Frames, frame_interval: float
 ) -> list[tuple[str, int, TimedStage | None]]:
     """Title, row and stage of some moments: the start, the ends of the first stages, and the end of the record."""
@@ -222,7 +222,7 @@ def screenshot(run: Recorded, notify: Callable[[str], None] | None) -> Block:
     if seed is None:
         return Text("No picture of the replay: nothing was recorded.", "note")
     try:
-        at = _telling(run, seed)
+        at = _telling_time(run, seed)
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "replay.png"
             take_screenshot(run.recording.path, file, at=at, seed=seed)
@@ -237,7 +237,7 @@ def screenshot(run: Recorded, notify: Callable[[str], None] | None) -> Block:
         return Text(f"No picture of the replay could be drawn: {error}", "note")
 
 
-def _telling(run: Recorded, seed: int) -> float:
+def _telling_time(run: Recorded, seed: int) -> float:
     """A time at which a picture of a seed tells something [s]: late in the first stage, or half of its record."""
     record, last = run.recording.records[seed], float(run.recording.seeds[seed].time[-1])
     first = run.result.scene.stages(record.stops.tolist())[0]

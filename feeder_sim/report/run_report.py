@@ -51,21 +51,21 @@ def run_document(
     Raises:
         InputError: there is no run, or it cannot be read.
     """
-    tell = progress or (lambda _: None)
+    report_progress = progress or (lambda _: None)
     run = recorded_run(folder)
-    tell(0.2)
+    report_progress(0.2)
     summary = run.result.summary()
     measures = run.result.measures()
-    own = [name for measure, _ in run.result.findings for name in measure.headline if name not in HEADLINES]
-    tell(0.4)
+    added = [name for measure, _ in run.result.findings for name in measure.headline if name not in HEADLINES]
+    report_progress(0.4)
     pictures: list[Block] = [picture for picture in (plate_picture(run), parts_picture(run)) if picture is not None]
-    tell(0.6)
+    report_progress(0.6)
     if with_screenshot:
         pictures.append(screenshot(run, notify))
     playing = player(run) if with_replay else None
-    tell(0.8)
-    found: list[Block] = list(curves(run))
-    tell(1.0)
+    report_progress(0.8)
+    curve_figures: list[Block] = list(curves(run))
+    report_progress(1.0)
     scenario = run.result.prepared.scenario
     intro = Text(
         "Means over the seeds, with their standard error (SE), the 95 % interval of the mean (Student's t) and the "
@@ -76,15 +76,15 @@ def run_document(
         Section("What was asked", scenario_blocks(scenario, run.recording.scenario_text)),
         Section("The plate and the parts", tuple(pictures)),
         Section("The replay", (playing,) if playing else ()),
-        Section("Curves", tuple(found)),
+        Section("Curves", tuple(curve_figures)),
         Section("All measures", (intro, *measure_blocks(measures))),
-        Section("Cautions", _cautions(run)),
+        Section("Warnings", _warnings(run)),
         Section("How it was computed, and how to repeat it", _provenance(run, summary)),
     ]
     return Document(
         title=scenario.title or run.folder.resolve().name,
         subtitle=_subtitle(run),
-        tiles=tiles(measures, own),
+        tiles=tiles(measures, added),
         notices=tuple(_notices(run)),
         sections=tuple(section for section in sections if section.blocks),
         foot=foot(),
@@ -93,10 +93,10 @@ def run_document(
 
 def _subtitle(run: Recorded) -> str:
     seeds = len(run.recording.status)
-    begun = sum(len(frames) > 0 for frames in run.recording.seeds)
+    started = sum(len(frames) > 0 for frames in run.recording.seeds)
     simulated = sum(float(frames.time[-1]) for frames in run.recording.seeds if len(frames))
-    of_begun = f"{begun} of {seeds} seeds" if begun < seeds else f"{seeds} seeds" if seeds > 1 else "1 seed"
-    return f"Simulation of a vibrating plate: {of_begun}, {number(simulated)} s simulated in all."
+    started_text = f"{started} of {seeds} seeds" if started < seeds else f"{seeds} seeds" if seeds > 1 else "1 seed"
+    return f"Simulation of a vibrating plate: {started_text}, {number(simulated)} s simulated in all."
 
 
 def _notices(run: Recorded) -> list[Text]:
@@ -105,27 +105,27 @@ def _notices(run: Recorded) -> list[Text]:
     if run.result.interrupted:
         how = "The run is still going on" if run.under_way else "The run was interrupted"
         lines.append(
-            Text(f"{how}: {run.ended} of {seeds} seeds have ended. Only these count in the measures.", "caution")
+            Text(f"{how}: {run.ended} of {seeds} seeds have ended. Only these count in the measures.", "warning")
         )
     if run.failed:
         n = len(run.failed)
         lines.append(Text(f"{n} of {seeds} seeds failed: their state was not valid. They do not count in the measures; "
-                          "the causes are listed under Cautions.", "failure"))  # fmt: skip
+                          "the causes are listed under Warnings.", "failure"))  # fmt: skip
     elif run.ended == 0 and not run.result.interrupted:
-        lines.append(Text("No seed has ended, so that there are no measures.", "caution"))
-    lines += [Text(line, "caution") for line in run.changed_inputs]
+        lines.append(Text("No seed has ended, so that there are no measures.", "warning"))
+    lines += [Text(line, "warning") for line in run.changed_inputs]
     return lines
 
 
-def _cautions(run: Recorded) -> tuple[Block, ...]:
+def _warnings(run: Recorded) -> tuple[Block, ...]:
     """Settings that mislead, failures, and what else limits the results."""
     lines: list[Block] = [Text(sentence(str(failure)), "failure") for failure in run.result.failures]
-    lines += [Text(sentence(caution), "caution") for caution in run.result.prepared.cautions]
+    lines += [Text(sentence(warning), "warning") for warning in run.result.prepared.warnings]
     if run.result.prepared.scenario.uncertain:
         text = "Inputs of the scenario are uncertain: intervals here are over the seeds at its own values only."
         if (run.folder / DRAWS_OF_RUN / UncertaintyQuestion.file).is_file():
             text += f" This makes a page of its draws: feeder-sim report {shlex.quote(str(run.folder / DRAWS_OF_RUN))}"
-        lines.append(Text(text, "caution"))
+        lines.append(Text(text, "warning"))
     unresolved = Counts.total(run.recording.records).unresolved_impacts
     if unresolved:
         lines.append(
@@ -134,10 +134,10 @@ def _cautions(run: Recorded) -> tuple[Block, ...]:
     speed = run.result.measures().get("transport_speed_mm_s")
     if speed and 0 < speed["n"] < run.ended:
         late = f"{run.ended - speed['n']} of {run.ended} seeds have no transport speed: the part did not come so far."
-        lines.append(Text(f"{late} The mean is of the others, and may be too large.", "caution"))
-    left = sum(status == Status.LEFT_PLATE for status in run.recording.status)
-    if left:
-        lines.append(Text(f"In {left} seeds all parts left the plate before the end.", "note"))
+        lines.append(Text(f"{late} The mean is of the others, and may be too large.", "warning"))
+    n_left_plate = sum(status == Status.LEFT_PLATE for status in run.recording.status)
+    if n_left_plate:
+        lines.append(Text(f"In {n_left_plate} seeds all parts left the plate before the end.", "note"))
     if 0 < run.ended < 3:
         plural = "s have" if run.ended > 1 else " has"
         lines.append(

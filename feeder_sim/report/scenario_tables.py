@@ -26,40 +26,40 @@ NOTE = (
 
 def scenario_blocks(scenario: Scenario, text: str) -> tuple[Block, ...]:
     """Tables of what a scenario says, most of what is at its default left out, and its whole text folded."""
-    asked = scenario.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
-    whole = scenario.model_dump(mode="json", exclude_none=True)
-    shown = {
-        key: _shown(asked.get(key), value, ALWAYS.get(key, ()))
-        for key, value in whole.items()
-        if key != "title" and (key in asked or key in ALWAYS)
+    specified = scenario.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
+    full = scenario.model_dump(mode="json", exclude_none=True)
+    selected = {
+        key: _selected(specified.get(key), value, ALWAYS.get(key, ()))
+        for key, value in full.items()
+        if key != "title" and (key in specified or key in ALWAYS)
     }
-    lists = {key: shown.pop(key) for key in [k for k, v in shown.items() if _is_list_of_tables(v)]}
-    schedule = shown.get("schedule", {})
+    lists = {key: selected.pop(key) for key in [k for k, v in selected.items() if _is_list_of_tables(v)]}
+    schedule = selected.get("schedule", {})
     stages = {key: schedule.pop(key) for key in ("prepare", "stage") if key in schedule}
-    blocks: list[Block] = [_of_tables(shown)]
+    blocks: list[Block] = [_of_tables(selected)]
     for key, entries in (stages | lists).items():
         if entries:
             blocks.append(_of_list(entries, CAPTIONS.get(key, key.capitalize())))
     return (*blocks, Text(NOTE), Folded("The whole scenario as a file (TOML)", (Text(text, "code"),)))
 
 
-def _shown(asked: Any, whole: Any, always: Sequence[str] = ()) -> Any:
+def _selected(specified: Any, full: Any, always: Sequence[str] = ()) -> Any:
     """What differs from the defaults. Of a table that is given as it is by default, all.
 
     Args:
-        asked: a value without its defaults; None where there is nothing else.
-        whole: the same with all of them.
+        specified: a value without its defaults; None where there is nothing else.
+        full: the same with all of them.
         always: keys of a table that are shown in any case, and first.
     """
-    if isinstance(whole, Mapping):
-        if not asked and not always:
-            return dict(whole)
-        given = asked or {}
-        first = {key: 0 for key in always if key in whole}
-        return {key: _shown(given.get(key), whole[key]) for key in first | {k: 0 for k in whole if k in given}}
-    if _is_list_of_tables(whole) and isinstance(asked, list):
-        return [_shown(one, of_whole, always) for one, of_whole in zip(asked, whole, strict=True)]
-    return whole
+    if isinstance(full, Mapping):
+        if not specified and not always:
+            return dict(full)
+        entries = specified or {}
+        first = {key: 0 for key in always if key in full}
+        return {key: _selected(entries.get(key), full[key]) for key in first | {k: 0 for k in full if k in entries}}
+    if _is_list_of_tables(full) and isinstance(specified, list):
+        return [_selected(entry, full_entry, always) for entry, full_entry in zip(specified, full, strict=True)]
+    return full
 
 
 def _is_list_of_tables(value: Any) -> bool:

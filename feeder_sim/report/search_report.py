@@ -26,9 +26,9 @@ CHECK_HEAD = ("recipe", "mean", "SE", "95 % interval", "n")
 def search_content(search: Search, folder: Path) -> Content:
     """What the page of a search has of its own."""
     figures, question = search.figures(search.aim.measure), search.question
-    done = {"trials": max(1, len(search.trials)), "budget_s": None, "screen": None, "recipes": 256}
+    updates = {"trials": max(1, len(search.trials)), "budget_s": None, "screen": None, "recipes": 256}
     usual = type(question).model_fields["check_seeds"].default
-    done |= {"check_seeds": len(search.present.values) if search.present else usual}
+    updates |= {"check_seeds": len(search.present.values) if search.present else usual}
     return Content(
         title="Best recipe",
         subtitle=f"Search for the {_aim(search)}: {counted(len(search.trials), 'recipe')} tried over "
@@ -37,7 +37,7 @@ def search_content(search: Search, folder: Path) -> Content:
             Section("The best recipe", tuple(_best(search, folder))),
             Section("The course of the search", (*figures, *_trials(search))),
         ),
-        command=question.model_copy(update=done).command(folder / SCENARIO),
+        command=question.model_copy(update=updates).command(folder / SCENARIO),
         asked=(_keys_table(search),),
         tiles=tuple(_tiles(search)),
         notices=tuple(_notices(search)),
@@ -52,40 +52,39 @@ def _aim(search: Search) -> str:
 
 def _notices(search: Search) -> Iterator[Text]:
     """What a reader has to know first: that there is no best recipe, or none that is checked."""
-    found, measure = search, measure_label(search.aim.measure)
-    if not found.complete:
+    measure = measure_label(search.aim.measure)
+    if not search.complete:
         yield Text(
             "The search has not come to its end: no recipe has been checked with fresh seeds. The best of many noisy "
             "means is too good to be true. The same command goes on.",
-            "caution",
+            "warning",
         )
-    elif found.best is None:
+    elif search.best is None:
         yield Text(f"No recipe has {measure} in all its seeds, so that there is no best one.", "failure")
 
 
 def _tiles(search: Search) -> Iterator[Tile]:
     """The recipe of the file, the best one, and their difference."""
-    found = search
-    unit = split_unit(found.aim.measure)[1]
-    for label, checked in (("recipe of the file", found.present), ("best recipe", found.best)):
+    unit = split_unit(search.aim.measure)[1]
+    for label, checked in (("recipe of the file", search.present), ("best recipe", search.best)):
         if checked is not None and checked.found.n:
             yield Tile(label, *_mean_and_note(checked.found, unit, "fresh seeds"))
-    gain = found.gain
-    if gain.n > 1:
-        text, reach = with_error(gain.mean, half_interval(gain.se, gain.n))
+    improvement = search.gain
+    if improvement.n > 1:
+        text, reach = with_error(improvement.mean, half_interval(improvement.se, improvement.n))
         yield Tile("difference", _signed(text), unit, f"± {reach} (95 %), seed by seed")
     leader = search.leader
-    if not found.complete and leader is not None:
+    if not search.complete and leader is not None:
         yield Tile("best trial, not checked", *_mean_and_note(leader.found, unit, "seeds"))
     stopped = sum(trial.stopped for trial in search.trials)
     yield Tile("recipes tried", str(len(search.trials)), "", f"{stopped} stopped early")
 
 
-def _mean_and_note(found: Statistic, unit: str, seeds: str) -> tuple[str, str, str]:
+def _mean_and_note(result: Statistic, unit: str, seeds: str) -> tuple[str, str, str]:
     """Value, unit and note of a tile."""
-    half = half_interval(found.se, found.n)
-    mean, reach = with_error(found.mean, half)
-    return (mean, unit, f"± {reach} (95 %), {found.n} {seeds}") if half > 0.0 else (mean, unit, f"{found.n} {seeds}")
+    half = half_interval(result.se, result.n)
+    mean, reach = with_error(result.mean, half)
+    return (mean, unit, f"± {reach} (95 %), {result.n} {seeds}") if half > 0.0 else (mean, unit, f"{result.n} {seeds}")
 
 
 def _signed(text: str) -> str:
@@ -107,26 +106,26 @@ def _could_be(parameter: Parameter) -> str:
 
 def _best(search: Search, folder: Path) -> Iterator[Block]:
     """The best recipe beside that of the file, and both with fresh seeds."""
-    found, leader = search, search.leader
-    best = found.best.point if found.best else leader.point if leader else None
+    leader = search.leader
+    best = search.best.point if search.best else leader.point if leader else None
     if best:
-        head = "best recipe" if found.best else "best trial, not checked"
+        head = "best recipe" if search.best else "best trial, not checked"
         rows = [
             (key, split_unit(key)[1], *(_value(point, key) for point in (search.present_point, best))) for key in best
         ]
         yield Table("", ("key", "unit", "recipe of the file", head), tuple(rows), numbers_from=2)
-    if found.present is None:
+    if search.present is None:
         return
-    recipes = [("recipe of the file", found.present.found)]
-    recipes += [("best recipe", found.best.found)] if found.best else []
+    recipes = [("recipe of the file", search.present.found)]
+    recipes += [("best recipe", search.best.found)] if search.best else []
     cells: list[tuple[str, ...]] = [(label, *statistic_cells(statistic.as_dict())) for label, statistic in recipes]
-    if found.best and found.gain.n:
-        mean, *rest = statistic_cells(found.gain.as_dict())
-        cells.append(("difference, seed by seed", _signed(mean), *rest))
-    unit = measure_label(found.aim.measure)
+    if search.best and search.gain.n:
+        mean, *remaining = statistic_cells(search.gain.as_dict())
+        cells.append(("difference, seed by seed", _signed(mean), *remaining))
+    unit = measure_label(search.aim.measure)
     yield Table(f"{unit[:1].upper()}{unit[1:]} with fresh seeds", CHECK_HEAD, tuple(cells), numbers_from=1)
     yield from _verdict(search)
-    if found.best:
+    if search.best:
         yield Text("This runs the best recipe:")
         yield Text(f"feeder-sim run {shlex.quote(str(folder / BEST))}", "code")
 
@@ -138,25 +137,25 @@ def _value(point: Point, key: str) -> str:
 
 def _verdict(search: Search) -> Iterator[Text]:
     """Whether the best recipe is better, and what its mean in the search was worth."""
-    found, leader = search, search.leader
-    low, high = found.gain.interval
+    leader = search.leader
+    low, high = search.gain.interval
     if math.isnan(low):
         return
-    worst = low if found.aim.largest else -high  # the end of the interval towards what is not wanted
-    best_of_all = high if found.aim.largest else -low
+    worst_bound = low if search.aim.largest else -high  # the end of the interval towards what is not wanted
+    best_bound = high if search.aim.largest else -low
     if search.best_is_present:
         yield Text("No recipe that was tried came out better than that of the file.", "note")
-    elif worst > 0.0:
+    elif worst_bound > 0.0:
         yield Text(
             "The best recipe is better than that of the file: the interval of the difference leaves 0 out.", "note"
         )
-    elif best_of_all < 0.0:
-        yield Text("With fresh seeds the best recipe is worse than that of the file: it was chosen by luck.", "caution")
+    elif best_bound < 0.0:
+        yield Text("With fresh seeds the best recipe is worse than that of the file: it was chosen by luck.", "warning")
     else:
         yield Text(
             "The interval of the difference holds 0: it is not sure that the best recipe is better than that of the "
             "file. More --check-seeds, or more --seeds of a recipe, tell more.",
-            "caution",
+            "warning",
         )
     first = search.first
     if leader is not None and first is not None and first.number != leader.number:

@@ -71,10 +71,10 @@ def _keys_table(sweep: Sweep) -> Table:
     for key in sweep.keys:
         values = values_of(sweep.rows, key)
         numbers = [value for value in values if isinstance(value, float)]
-        shown = ", ".join(value_text(value, 4) for value in values[:MOST_VALUES])
+        listed = ", ".join(value_text(value, 4) for value in values[:MOST_VALUES])
         if len(values) > MOST_VALUES:
-            shown = f"{value_text(min(numbers), 4)} to {value_text(max(numbers), 4)}" if numbers else f"{shown}, ..."
-        rows.append((key, split_unit(key)[1], str(len(values)), shown))
+            listed = f"{value_text(min(numbers), 4)} to {value_text(max(numbers), 4)}" if numbers else f"{listed}, ..."
+        rows.append((key, split_unit(key)[1], str(len(values)), listed))
     return Table("", ("varied key", "unit", "values", "which"), tuple(rows))
 
 
@@ -82,16 +82,16 @@ def _extremes(sweep: Sweep, ordered: Sequence[str]) -> Table:
     """Smallest and largest mean of every measure."""
     rows: list[tuple[str, ...]] = []
     for measure in ordered:
-        held = sweep.valued(measure)
-        if not held:
+        valued_rows = sweep.valued(measure)
+        if not valued_rows:
             rows.append((measure_label(measure), "no value", "", "", "", "0"))
             continue
-        low, high = (pick(held, key=lambda row: row.found.mean) for pick in (min, max))
-        ends = [(_with_se(row), point_text(row.point)) for row in ((low, high) if _varies(held) else (low,))]
+        low, high = (pick(valued_rows, key=lambda row: row.found.mean) for pick in (min, max))
+        ends = [(_with_se(row), point_text(row.point)) for row in ((low, high) if _varies(valued_rows) else (low,))]
         cells = [text for end in ends for text in end]
         if len(ends) == 1:
             cells = [cells[0], "everywhere", "", ""]
-        rows.append((measure_label(measure), *cells, str(len(held))))
+        rows.append((measure_label(measure), *cells, str(len(valued_rows))))
     return Table("", ("measure", "smallest mean ± SE", "at", "largest mean ± SE", "at", "points"), tuple(rows))
 
 
@@ -102,13 +102,13 @@ def _with_se(row: Row) -> str:
 
 def _values(sweep: Sweep, ordered: Sequence[str]) -> Iterator[Block]:
     """All values, a folded table for each measure, as far as a page should hold them."""
-    left = MOST_ROWS
+    remaining = MOST_ROWS
     inputs = ("90 % over inputs", "SD of inputs", "SD of seeds") if sweep.uncertain else ()
     head = (*(key_label(key) for key in sweep.keys), "mean", "SE", "95 % interval", *inputs, "n", "seeds", "failed")
     for place, measure in enumerate(ordered):
         rows = sweep.of(measure)
-        left -= len(rows)
-        if left < 0:
+        remaining -= len(rows)
+        if remaining < 0:
             yield Text(
                 f"The values of {len(ordered) - place} more measures are not listed here; {CSV} has them.", "note"
             )

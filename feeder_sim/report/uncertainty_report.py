@@ -23,53 +23,53 @@ Linear = dict[str, LinearShares]  # of every measure that has some
 Indices = dict[str, list[Index]]  # the same
 
 
-def uncertainty_content(asked: Uncertainty, _: Path) -> Content:
+def uncertainty_content(study: Uncertainty, _: Path) -> Content:
     """What the page of uncertain inputs has of its own."""
-    measures, question = in_order(asked.measures, asked.question.measure or ""), asked.question
-    shown = question.measure if question.measure in measures else asked.main()
-    indices, trouble = _indices(asked, measures)
-    linear = {measure: told for measure in measures if (told := asked.linear_shares(measure))}
-    figures = asked.figures(shown) if shown else []
-    hints = (Text(f"Sobol indices are not here: computing them {trouble}", "caution"),) if trouble else ()
-    inputs, seeds = len(asked.scenario.uncertain or {}), question.seeds
+    measures, question = in_order(study.measures, study.question.measure or ""), study.question
+    main = question.measure if question.measure in measures else study.main()
+    indices, trouble = _indices(study, measures)
+    linear = {measure: shares for measure in measures if (shares := study.linear_shares(measure))}
+    figures = study.figures(main) if main else []
+    hints = (Text(f"Sobol indices are not here: computing them {trouble}", "warning"),) if trouble else ()
+    inputs, seeds = len(study.scenario.uncertain or {}), question.seeds
     of_each = f"{seeds} seeds" if seeds > 1 else "one seed"
     return Content(
         title="Uncertain inputs",
-        subtitle=f"{len(asked.draws)} draws of {inputs} uncertain input{'s' if inputs > 1 else ''}, {of_each} of each.",
+        subtitle=f"{len(study.draws)} draws of {inputs} uncertain input{'s' if inputs > 1 else ''}, {of_each} of each.",
         sections=(
-            Section("Results", (*figures[:1], *_of_measured(asked, shown))),
-            Section("All measures", tuple(_measures(asked, measures))),
+            Section("Results", (*figures[:1], *_of_measured(study, main))),
+            Section("All measures", tuple(_measures(study, measures))),
             Section("What it depends on", (*hints, *figures[1:], *_share_tables(measures, linear, indices))),
-            Section("The draws", tuple(_draws(asked, measures))),
+            Section("The draws", tuple(_draws(study, measures))),
         ),
-        asked=(_inputs(asked),),
-        tiles=tuple(_tiles(asked, measures, shown)),
-        notices=tuple(_notices(asked)),
+        asked=(_inputs(study),),
+        tiles=tuple(_tiles(study, measures, main)),
+        notices=tuple(_notices(study)),
     )
 
 
-def _indices(asked: Uncertainty, measures: Sequence[str]) -> tuple[Indices, str]:
+def _indices(study: Uncertainty, measures: Sequence[str]) -> tuple[Indices, str]:
     """Sobol indices where they can be told, and why not where a library is missing."""
     try:
-        return {measure: told for measure in measures if (told := asked.indices(measure))}, ""
+        return {measure: indices for measure in measures if (indices := study.indices(measure))}, ""
     except InputError as error:
         return {}, error.problem
 
 
-def _notices(asked: Uncertainty) -> Iterator[Text]:
+def _notices(study: Uncertainty) -> Iterator[Text]:
     """What a reader has to know first: that it is not whole."""
-    if not asked.complete:
-        wanted = len(asked.draws) * asked.question.seeds
-        yield Text(f"{len(asked.done)} of {wanted} runs are there: the study has not ended.", "caution")
-    if asked.failed:
-        failed = f"{len(asked.failed)} of {len(asked.done)} runs failed"
-        yield Text(f"{failed}. They do not count; the causes are listed under Cautions.", "failure")
+    if not study.complete:
+        requested = len(study.draws) * study.question.seeds
+        yield Text(f"{len(study.done)} of {requested} runs are there: the study has not ended.", "warning")
+    if study.failed:
+        failed = f"{len(study.failed)} of {len(study.done)} runs failed"
+        yield Text(f"{failed}. They do not count; the causes are listed under Warnings.", "failure")
 
 
-def _tiles(asked: Uncertainty, measures: Sequence[str], shown: str) -> Iterator[Tile]:
+def _tiles(study: Uncertainty, measures: Sequence[str], main: str) -> Iterator[Tile]:
     """The measure that is shown, then medians of other telling ones."""
-    for measure in [name for name in dict.fromkeys((shown, *measures)) if name and name in (shown, *TELLING)][:TILES]:
-        spread = asked.spread(measure)
+    for measure in [name for name in dict.fromkeys((main, *measures)) if name and name in (main, *TELLING)][:TILES]:
+        spread = study.spread(measure)
         label, unit = split_unit(measure)
         note = f"{spread.of_runs} {between(spread.low, spread.high)}"
         if spread.is_told:
@@ -77,11 +77,11 @@ def _tiles(asked: Uncertainty, measures: Sequence[str], shown: str) -> Iterator[
         yield Tile(f"median {label}", number(spread.median, 3), unit, note)
 
 
-def _inputs(asked: Uncertainty) -> Table:
+def _inputs(study: Uncertainty) -> Table:
     """Every uncertain input, and what it may be."""
     rows = [
         (key, split_unit(key)[1], _may_be(uncertain), ", ".join(uncertain.also))
-        for key, uncertain in (asked.scenario.uncertain or {}).items()
+        for key, uncertain in (study.scenario.uncertain or {}).items()
     ]
     with_also = any(row[3] for row in rows)
     head = ("input", "unit", "may be", *(("the same for",) if with_also else ()))
@@ -99,21 +99,21 @@ def _may_be(uncertain: Uncertain) -> str:
     return f"{low} to {high}, {'every ratio' if uncertain.log_uniform else 'all'} equally likely"
 
 
-def _of_measured(asked: Uncertainty, shown: str) -> Iterator[Text]:
+def _of_measured(study: Uncertainty, main: str) -> Iterator[Text]:
     """Where the measured value lies."""
-    measured = asked.question.measured
-    if not shown or measured is None:
+    measured = study.question.measured
+    if not main or measured is None:
         return
-    spread = asked.spread(shown)
-    runs = [value for row in asked.values(shown) for value in row]
+    spread = study.spread(main)
+    runs = [value for row in study.values(main) for value in row]
     below = sum(value < measured for value in runs)
-    value = f"{number(measured, 6)} {split_unit(shown)[1]}".rstrip()
+    value = f"{number(measured, 6)} {split_unit(main)[1]}".rstrip()
     interval = f"{spread.of_runs}, {between(spread.low, spread.high)}"
-    where = f"within the {interval}" if spread.low <= measured <= spread.high else f"outside of the {interval}"
-    yield Text(f"The measured value, {value}, lies {where}; {below} of {len(runs)} runs are below it.", "note")
+    location = f"within the {interval}" if spread.low <= measured <= spread.high else f"outside of the {interval}"
+    yield Text(f"The measured value, {value}, lies {location}; {below} of {len(runs)} runs are below it.", "note")
 
 
-def _measures(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
+def _measures(study: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
     """All measures: median, intervals, scatter over inputs and over seeds apart."""
     if not measures:
         yield Text("No measure has a value.")
@@ -124,15 +124,15 @@ def _measures(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
         "are those of the means over the inputs, and of the seeds at the same inputs."
     )
     nested = [measure for measure in measures if "[" in measure or "." in measure]
-    yield _table_of(asked, [measure for measure in measures if measure not in nested] or nested)
+    yield _table_of(study, [measure for measure in measures if measure not in nested] or nested)
     if 0 < len(nested) < len(measures):
-        yield Folded(f"{len(nested)} measures in detail, such as those of stages", (_table_of(asked, nested),))
+        yield Folded(f"{len(nested)} measures in detail, such as those of stages", (_table_of(study, nested),))
 
 
-def _table_of(asked: Uncertainty, measures: Sequence[str]) -> Table:
+def _table_of(study: Uncertainty, measures: Sequence[str]) -> Table:
     rows = []
     for measure in measures:
-        spread = asked.spread(measure)
+        spread = study.spread(measure)
         means = spread.not_told or between(spread.inputs_low, spread.inputs_high)
         intervals = number(spread.median, 3), between(spread.low, spread.high), means
         scatter = number(spread.sd_inputs, 2), number(spread.sd_seeds, 2)
@@ -143,8 +143,8 @@ def _table_of(asked: Uncertainty, measures: Sequence[str]) -> Table:
 
 def _share_tables(measures: Sequence[str], linear: Linear, indices: Indices) -> Iterator[Block]:
     """Shares of the inputs: of the most telling measure as a table, of the others folded."""
-    told = [m for m in measures if m in linear or m in indices]
-    tables = [share_table(measure_label(m), linear.get(m), indices.get(m, [])) for m in told]
+    valued = [m for m in measures if m in linear or m in indices]
+    tables = [share_table(measure_label(m), linear.get(m), indices.get(m, [])) for m in valued]
     if not tables:
         return
     text = "Straight line: the share of the variance over the inputs that goes in a straight line with this input. "
@@ -159,9 +159,9 @@ def _share_tables(measures: Sequence[str], linear: Linear, indices: Indices) -> 
         yield Folded(f"{len(tables) - 1} other measures", tuple(tables[1:]))
 
 
-def _draws(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
+def _draws(study: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
     """All runs with the values of their inputs, folded, as far as a page should hold them."""
-    keys = list(asked.scenario.uncertain or {})
+    keys = list(study.scenario.uncertain or {})
     listed = measures[: max(1, MOST_COLUMNS - len(keys))]
     rows = tuple(
         (
@@ -169,11 +169,11 @@ def _draws(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
             str(seed.seed),
             *("failed" if seed.failure else number(seed.values.get(name, math.nan)) for name in listed),
         )
-        for draw, seed in asked.done[:MOST_ROWS]
+        for draw, seed in study.done[:MOST_ROWS]
     )
     head = (*(key_label(key) for key in keys), "seed", *(measure_label(name) for name in listed))
-    yield Folded(f"All {len(asked.done)} runs with their inputs", (Table("", head, rows, len(keys)),))
-    left = [f"{len(asked.done) - MOST_ROWS} more runs"] if len(asked.done) > MOST_ROWS else []
-    left += [f"{len(measures) - len(listed)} more measures"] if len(measures) > len(listed) else []
-    if left:
-        yield Text(f"{' and '.join(left)} are not listed here; {DRAWS} has them.", "note")
+    yield Folded(f"All {len(study.done)} runs with their inputs", (Table("", head, rows, len(keys)),))
+    remaining = [f"{len(study.done) - MOST_ROWS} more runs"] if len(study.done) > MOST_ROWS else []
+    remaining += [f"{len(measures) - len(listed)} more measures"] if len(measures) > len(listed) else []
+    if remaining:
+        yield Text(f"{' and '.join(remaining)} are not listed here; {DRAWS} has them.", "note")

@@ -47,17 +47,17 @@ class Ensemble:
     simulated_s: float
 
     @property
-    def cautions(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """Settings that are known to mislead, a line each."""
-        return self.prepared.cautions
+        return self.prepared.warnings
 
     def __repr__(self) -> str:
         title = f" {self.prepared.scenario.title!r}" if self.prepared.scenario.title else ""
         return f"<Ensemble{title}: {endings(self.status)}, {self.simulated_s:.6g} s simulated>"
 
     def _repr_html_(self) -> str:
-        cautions = [f"caution: {caution}" for caution in self.cautions]
-        return block(repr(self)[1:-1], [*Drift().lines(self.prepared, self.findings), *cautions])
+        warnings = [f"warning: {warning}" for warning in self.warnings]
+        return block(repr(self)[1:-1], [*Drift().lines(self.prepared, self.findings), *warnings])
 
 
 @single_threaded
@@ -84,35 +84,35 @@ def measure_drift(
     check_type(scenarios, Iterable, "a list of scenarios", "measure_drift")
     stop = stop or threading.Event()
     cores = available_cores() if workers is None else check_whole(workers, "workers")
-    done: list[Ensemble] = []
-    under_way: deque[_UnderWay] = deque()
+    completed: list[Ensemble] = []
+    running: deque[_RunningEnsemble] = deque()
 
-    def take_first() -> None:
-        if ensemble := under_way[0].result(stop):
-            under_way.popleft()
-            done.append(ensemble)
+    def collect_first() -> None:
+        if ensemble := running[0].result(stop):
+            running.popleft()
+            completed.append(ensemble)
             if progress:
-                progress(len(done))
+                progress(len(completed))
 
     with ThreadPoolExecutor(cores) as pool:
         try:
             for scenario in scenarios:
                 prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
                 check_drifting(prepared)
-                if not done and not under_way:
+                if not completed and not running:
                     with compilation_announced(prepared.engine.method, notify):
                         compile_engine(prepared)
-                under_way.append(_UnderWay(prepared, pool, stop))
-                while len(under_way) > AHEAD * cores and not stop.is_set():
-                    take_first()
+                running.append(_RunningEnsemble(prepared, pool, stop))
+                while len(running) > AHEAD * cores and not stop.is_set():
+                    collect_first()
                 if stop.is_set():
                     break
-            while under_way and not stop.is_set():
-                take_first()
+            while running and not stop.is_set():
+                collect_first()
         finally:
-            for ensemble in under_way:  # stopped, or an error: what is left ends where it is
+            for ensemble in running:  # stopped, or an error: what is left ends where it is
                 ensemble.give_up()
-    return done
+    return completed
 
 
 def check_drifting(prepared: Prepared) -> None:
@@ -125,7 +125,7 @@ def check_drifting(prepared: Prepared) -> None:
         raise InputError("is given, allowed is none where drifts are measured", key="schedule")
 
 
-class _UnderWay:
+class _RunningEnsemble:
     """The seeds of a scenario in the hands of threads."""
 
     def __init__(self, prepared: Prepared, pool: ThreadPoolExecutor, stop: threading.Event) -> None:

@@ -15,7 +15,7 @@ from feeder_sim.run.guard import Guard
 from feeder_sim.scene.prepared import Prepared
 
 ANNOUNCED_S = 1.5  # [s]; what takes longer is announced
-TOLD_EVERY_S = 5.0  # [s] of how far it is
+NOTIFY_EVERY_S = 5.0  # [s] of how far it is
 COMPILING = "compiling the engine"
 # The last fifth of the time goes to an entry point, into which all that it calls has been copied: 21 to 24 % of the
 # processor time with the engines `exact` and `impulse`. The functions before it come at an even pace.
@@ -61,20 +61,23 @@ def in_daemon_thread(function: Callable[[], None]) -> None:
 @contextlib.contextmanager
 def compilation_announced(method: str, notify: Callable[[str], None] | None) -> Iterator[None]:
     """Tell the user that an engine is being compiled, if it takes long, and which share of the time is over."""
-    begun, over = COMPILED[0], threading.Event()
+    compiled_before, over = COMPILED[0], threading.Event()
     expected = FUNCTIONS.get(method, 250)
 
     def tell() -> None:
         if notify is None or over.wait(ANNOUNCED_S):
             return
+        while COMPILED[0] == compiled_before:  # what takes long is something else
+            if over.wait(ANNOUNCED_S):
+                return
         notify(f"{COMPILING}, which takes a minute or more, once: the result is kept for the next time")
-        start, shown, functions, last = time.monotonic() - ANNOUNCED_S, 0.0, 0, ANNOUNCED_S
-        while not over.wait(TOLD_EVERY_S):
+        start, share, functions, last = time.monotonic() - ANNOUNCED_S, 0.0, 0, ANNOUNCED_S
+        while not over.wait(NOTIFY_EVERY_S):
             elapsed = time.monotonic() - start
-            if COMPILED[0] - begun > functions:
-                functions, last = COMPILED[0] - begun, elapsed
-            shown = max(shown, time_share(functions / expected, last, elapsed))
-            notify(f"{COMPILING}: about {100.0 * shown:.0f} % of the time is over")
+            if COMPILED[0] - compiled_before > functions:
+                functions, last = COMPILED[0] - compiled_before, elapsed
+            share = max(share, time_share(functions / expected, last, elapsed))
+            notify(f"{COMPILING}: about {100.0 * share:.0f} % of the time is over")
 
     thread = threading.Thread(target=tell, daemon=True)
     thread.start()

@@ -81,7 +81,7 @@ class Guard:
         self._prepared, self._scene = prepared, prepared.scene
         self._parts = [part.name for part in prepared.scene.parts]
         self._first = first[slice(-1, None)]
-        self._held = what_holds(prepared, first)
+        self._limits = what_holds(prepared, first)
         self._checked = self._at_start(first[slice(-1, None)])  # the last block
         self._before = self._checked  # its last row is the last frame of the block before
 
@@ -96,14 +96,14 @@ class Guard:
     def redrive(self, scene: Scene) -> None:
         """Go on in the same scene, in which drives stop at other times."""
         surface = surface_arrays(scene.surface, scene.scenario.run)
-        self._held = self._held._replace(surface=surface._replace(tangent=self._held.surface.tangent))
+        self._limits = self._limits._replace(surface=surface._replace(tangent=self._limits.surface.tangent))
 
     def widen(self, prepared: Prepared) -> None:
         """Go on with the same scene, which has got more drives; the limits are made anew."""
-        self._prepared, self._scene, fall = prepared, prepared.scene, self._held.energy.start_speed
-        held = what_holds(prepared, self._first)
-        energy = held.energy._replace(start_speed=max(fall, held.energy.start_speed))
-        self._held = held._replace(energy=energy, depth=_depth_limit(prepared, energy))
+        self._prepared, self._scene, fall = prepared, prepared.scene, self._limits.energy.start_speed
+        limits = what_holds(prepared, self._first)
+        energy = limits.energy._replace(start_speed=max(fall, limits.energy.start_speed))
+        self._limits = limits._replace(energy=energy, depth=_depth_limit(prepared, energy))
 
     def check(self, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
         """Return the number of leading frames that are valid, and the failure of the frame after them if there is one.
@@ -111,22 +111,22 @@ class Guard:
         `seed_index` is for the message.
         """
         self._checked = states = new_states(len(frames), self._before)
-        valid = check_states(_motion(self._scene, frames), self._held, states, False)
+        valid = check_states(_motion(self._scene, frames), self._limits, states, False)
         if valid == len(frames):
             return valid, None
         last = valid + 1  # row of the states
-        violation = states.mark[last, :, VIOLATION]
-        found = int(violation[violation != FINE].min())
-        part = int(np.argmax(violation == found))
+        violations = states.mark[last, :, VIOLATION]
+        violation = int(violations[violations != FINE].min())
+        part = int(np.argmax(violations == violation))
         value, detail = states.value[last, part], ""
-        if found == TOO_MUCH_ENERGY:
+        if violation == TOO_MUCH_ENERGY:
             energy, most = value[ENERGY], value[MOST_ENERGY]
             detail = f"its energy of {energy:.2g} J exceeds {most:.2g} J, more than this plate can give"
-        elif found == TOO_DEEP:
+        elif violation == TOO_DEEP:
             depth, allowed = 1e6 * value[DEPTH], 1e6 * value[ALLOWED]
             detail = f"a corner lies {depth:.1f} um below the plate's surface, allowed are {allowed:.1f} um"
         failure = SimulationDiverged(
-            DIVERGENCES[found],
+            DIVERGENCES[violation],
             time_s=float(frames.time[valid]),
             part=self._parts[part],
             seed=seed_index,
@@ -146,9 +146,9 @@ class Guard:
         """Go on with the parts of refills so far; now: one frame, with those that came last as they were let go."""
         if not len(arrivals):
             return
-        fall = max(self._held.energy.start_speed, fall_speed(float(arrivals.height.max())))
-        energy = self._held.energy._replace(start_speed=fall)
-        self._held = self._held._replace(energy=energy, depth=_depth_limit(self._prepared, energy))
+        fall = max(self._limits.energy.start_speed, fall_speed(float(arrivals.height.max())))
+        energy = self._limits.energy._replace(start_speed=fall)
+        self._limits = self._limits._replace(energy=energy, depth=_depth_limit(self._prepared, energy))
         parts, started = parts_arrived(arrivals, start=float(now.time[-1]) - SAME_TIME, end=np.inf), self._at_start(now)
         before = States(self._before.value[-1:].copy(), self._before.mark[-1:].copy())
         before.value[0, parts], before.mark[0, parts] = started.value[-1, parts], started.mark[-1, parts]
@@ -160,7 +160,7 @@ class Guard:
 
     def _states(self, frames: Frames, before: States) -> States:
         states = new_states(len(frames), before)
-        check_states(_motion(self._scene, frames), self._held, states, True)
+        check_states(_motion(self._scene, frames), self._limits, states, True)
         return states
 
 

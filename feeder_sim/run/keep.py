@@ -48,19 +48,19 @@ class StatisticsOnly:
     """Keep neither frames nor impacts: only what is measured, and which parts were picked, lost and refilled."""
 
 
-Keep = AllFrames | EveryNth | ImpactsOnly | StatisticsOnly
+Retention = AllFrames | EveryNth | ImpactsOnly | StatisticsOnly
 
 
-def check_kept(prepared: Prepared, keep: Keep) -> None:
+def check_retention(prepared: Prepared, retention: Retention) -> None:
     """Refuse what cannot be kept of a scene.
 
     Raises:
-        InputError: `keep` is none of the four, or impacts where no part is in a guide.
+        InputError: `retention` is none of the four, or impacts where no part is in a guide.
     """
-    if not isinstance(keep, Keep):
+    if not isinstance(retention, Retention):
         allowed = "AllFrames(), EveryNth(n), ImpactsOnly(), StatisticsOnly()"
-        raise InputError(f"is {quoted(keep)}, allowed are {allowed}", key="record")
-    if isinstance(keep, ImpactsOnly) and prepared.scene.guides[0] is None:
+        raise InputError(f"is {quoted(retention)}, allowed are {allowed}", key="record")
+    if isinstance(retention, ImpactsOnly) and prepared.scene.guides[0] is None:
         problem = "is ImpactsOnly(), allowed is another choice: impacts are recorded of a part in a guide alone"
         raise InputError(problem, key="record")
 
@@ -70,25 +70,25 @@ class Keeper:
 
     Args:
         prepared: what is run.
-        keep: what to keep.
+        retention: what to keep.
 
     Raises:
-        InputError: as for `check_kept`.
+        InputError: as for `check_retention`.
     """
 
-    def __init__(self, prepared: Prepared, keep: Keep) -> None:
-        check_kept(prepared, keep)
-        self._keep, self._prepared = keep, prepared
+    def __init__(self, prepared: Prepared, retention: Retention) -> None:
+        check_retention(prepared, retention)
+        self._retention, self._prepared = retention, prepared
         self._readers = {measure.name: SeedReader(measure, prepared) for measure in measures_of(prepared)}
 
     def __call__(self, seed: Seed) -> Seed:
         """The seed with what is kept of it."""
-        if isinstance(self._keep, AllFrames):
+        if isinstance(self._retention, AllFrames):
             return seed
         return replace(
             seed,
-            frames=_every(seed.frames, self._keep.n if isinstance(self._keep, EveryNth) else None),
-            impacts=no_events(IMPACTS) if isinstance(self._keep, StatisticsOnly) else seed.impacts,
+            frames=_thinned(seed.frames, self._retention.n if isinstance(self._retention, EveryNth) else None),
+            impacts=no_events(IMPACTS) if isinstance(self._retention, StatisticsOnly) else seed.impacts,
             readings=self._readings(seed),
             reached_s=seed.reached,
         )
@@ -100,7 +100,7 @@ class Keeper:
         return readings
 
 
-def _every(frames: Frames, n: int | None) -> Frames:
+def _thinned(frames: Frames, n: int | None) -> Frames:
     """A copy of every n-th frame, or of none: a view would keep all of them in memory."""
     rows = slice(None, None, n) if n is not None else slice(0)
     return Frames(*(getattr(frames, entry.name)[rows].copy() for entry in fields(Frames)))

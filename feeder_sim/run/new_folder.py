@@ -33,7 +33,7 @@ scenario = feeder_sim.load_scenario("scenario.toml")
 prepared = feeder_sim.prepare(scenario)
 print(scenario.title)
 print("engine:", prepared.engine.name, "-", prepared.engine.reason)
-print("cautions:", *(prepared.cautions or ["none"]), sep="\\n  ")"""
+print("warnings:", *(prepared.warnings or ["none"]), sep="\\n  ")"""
 _SIMULATE = """\
 result = feeder_sim.simulate(scenario.changed({{"run.seeds": {seeds}}}))
 print(*result.lines(), sep="\\n")"""
@@ -63,12 +63,10 @@ FEW_SEEDS = 4
 def notebook(scenario: Scenario) -> dict[str, Any]:
     """The notebook as JSON takes it (nbformat 4.5)."""
     seeds = min(FEW_SEEDS, scenario.run.seeds)
-    own_modes = "plate.mode_file" in input_files(scenario)
-    again = (
-        " After a change of `plate.toml`: `feeder-sim modes plate.toml --out modes.h5 --force`." if own_modes else ""
-    )
+    has_modes = "plate.mode_file" in input_files(scenario)
+    hint = " After a change of `plate.toml`: `feeder-sim modes plate.toml --out modes.h5 --force`." if has_modes else ""
     cells = [
-        _words("intro", f"# {scenario.title or 'A scenario'}\n\nIn `scenario.toml` is what is simulated.{again}"),
+        _words("intro", f"# {scenario.title or 'A scenario'}\n\nIn `scenario.toml` is what is simulated.{hint}"),
         _code("load", _LOAD),
         _words("simulate-words", "A few seeds: starts differ, and hops are chaotic. Ask for more when it matters."),
         _code("simulate", _SIMULATE.format(seeds=seeds)),
@@ -150,9 +148,9 @@ def check_empty(folder: Path) -> None:
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise InputError("is there already, allowed is a new or an empty folder", file=folder)
     if folder.exists():
-        held = min((path.name for path in folder.iterdir()), default=None)
-        if held is not None:
-            raise InputError(f"is not empty ({shortened(held, 40)}), allowed is a new or an empty folder", file=folder)
+        name = min((path.name for path in folder.iterdir()), default=None)
+        if name is not None:
+            raise InputError(f"is not empty ({shortened(name, 40)}), allowed is a new or an empty folder", file=folder)
     elif not folder.parent.is_dir():
         raise InputError("allowed is a new folder in one that exists", file=folder)
 
@@ -168,8 +166,8 @@ def _starter() -> dict[str, bytes]:
     with tempfile.TemporaryDirectory() as place:
         modes = Path(place) / MODES
         write_mode_file(modes, compute_modes(load_plate_file(source / PLATE)))
-        held = modes.read_bytes()
-    return {PLATE: (source / PLATE).read_bytes(), MODES: held, SCENARIO: (source / "drift.toml").read_bytes()}
+        mode_file = modes.read_bytes()
+    return {PLATE: (source / PLATE).read_bytes(), MODES: mode_file, SCENARIO: (source / "drift.toml").read_bytes()}
 
 
 def _copied(source: Path, folder: Path) -> dict[str, bytes]:
@@ -196,9 +194,9 @@ def _renamed(source: Path, scenario: Scenario, names: dict[Path, str], folder: P
             for quote in "\"'":
                 text = text.replace(f"{quote}{as_written[key]}{quote}", f"{quote}{names[path]}{quote}")
     there = folder.resolve()
-    wanted = with_files(scenario, lambda path: there / names[path] if path in names else path)
+    target = with_files(scenario, lambda path: there / names[path] if path in names else path)
     with contextlib.suppress(InputError):
-        if parse_scenario(text, file=there / SCENARIO) == wanted:
+        if parse_scenario(text, file=there / SCENARIO) == target:
             return text
     return scenario_toml(with_files(scenario, lambda path: Path(names.get(path, path))))
 

@@ -18,7 +18,7 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.single_thread import single_threaded
 
-KEPT = 8  # prepared scenarios of a process
+MOST_PREPARED = 8  # prepared scenarios of a process
 
 _prepared: OrderedDict[str, Prepared | InputError] = OrderedDict()
 _compiled: set[str] = set()  # methods of engines, in this process
@@ -65,7 +65,7 @@ def prepared_once(scenario: Scenario, identity: str) -> Prepared | InputError:
                 _compiled.add(prepared.engine.method)
         except InputError as error:
             _prepared[identity] = error
-        while len(_prepared) > KEPT:
+        while len(_prepared) > MOST_PREPARED:
             _prepared.popitem(last=False)
     _prepared.move_to_end(identity)
     return _prepared[identity]

@@ -33,8 +33,8 @@ class OpenRun(SeedRun):
 
     def __init__(self, prepared: Prepared, *, threads: int = 1) -> None:
         super().__init__(replace(prepared, scene=prepared.scene.begun(0)), 0, threads=threads)
-        self._prepared, self._stages_begun = prepared, 0
-        self._done, self._never = np.zeros(1), threading.Event()
+        self._prepared, self._stages_started = prepared, 0
+        self._progress, self._never = np.zeros(1), threading.Event()
         self._wall_s, self._refills = 0.0, 0
         self.status = Status.UNFINISHED
         self._open(generators(prepared.scene)[0])
@@ -54,15 +54,15 @@ class OpenRun(SeedRun):
             SimulationDiverged: a state is not valid; what was before it is kept.
         """
         started = time.perf_counter()
-        waits = [stage.until.for_s for stage in scene.times.stages[self._stages_begun :] if stage.until]
+        waits = [stage.until.for_s for stage in scene.times.stages[self._stages_started :] if stage.until]
         if waits:
             self._lines, self._history.look_back = stage_lines(scene), max(waits)
-        self._whole = scene
+        self._full_scene = scene
         try:
-            while self._stages_begun < len(scene.times.stages) and self.status == Status.UNFINISHED:
+            while self._stages_started < len(scene.times.stages) and self.status == Status.UNFINISHED:
                 self._begin_stage()
                 while self._history.n_frames < self._scene.n_frames and self.status == Status.UNFINISHED:
-                    block = self._advance(self._done, self._never)
+                    block = self._advance(self._progress, self._never)
                     assert block is not None  # nobody stops it
                     self.status = block.status
                     if block.failure is not None:
@@ -87,12 +87,12 @@ class OpenRun(SeedRun):
         """When the drives of the first stages have stopped [s]."""
         return self._history.stops
 
-    def take_out(self, parts: NDArray[np.int64]) -> None:
+    def pick(self, parts: NDArray[np.int64]) -> None:
         """Pick parts by their indices."""
         now = self.current()
         self._engine.remove(parts)
-        self._keep(Seed(now[slice(0, 0)], removals=removed(parts, float(now.time[0]), Cause.PICKED)))
-        if len(self.removals) == len(self._whole.parts) and self._whole.scenario.refill is None:
+        self._store(Seed(now[slice(0, 0)], removals=removed(parts, float(now.time[0]), Cause.PICKED)))
+        if len(self.removals) == len(self._full_scene.parts) and self._full_scene.scenario.refill is None:
             self.status = Status.DONE
 
     def bring_in(self, number: int) -> NDArray[np.int64]:
@@ -105,14 +105,14 @@ class OpenRun(SeedRun):
             self._engine.add(parts, poses)
             arrivals = arrived(float(now.time[0]), parts, self._refills, poses)
             self._guard.arrive(arrivals, self.current())
-            self._keep(Seed(now[slice(0, 0)], arrivals=arrivals))
+            self._store(Seed(now[slice(0, 0)], arrivals=arrivals))
         return parts
 
     def forget(self) -> None:
         """Keep no more of the past in memory than the next stages need; `ended` cannot be asked for."""
-        self._history.keep_all = False
+        self._history.retains_all = False
 
     def ended(self) -> Seed:
         """All that was recorded, as of a seed that ends now."""
         status = Status.DONE if self.status == Status.UNFINISHED else self.status
-        return replace(self._history.whole(), status=status, wall_s=self._wall_s, counts=self._engine.counts)
+        return replace(self._history.to_seed(), status=status, wall_s=self._wall_s, counts=self._engine.counts)

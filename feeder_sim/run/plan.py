@@ -98,35 +98,35 @@ class _Seed:
 def seed_seconds(prepared: Prepared) -> float:
     """Wall time [s] of one seed beside those that run at the same time, after compilation."""
     scene = _cut(prepared.scene)
-    prepared, whole = replace(prepared, scene=scene), prepared.scene
+    prepared, full_scene = replace(prepared, scene=scene), prepared.scene
     compile_engine(prepared)
     interrupt = new_interrupt()
     together = min(scene.scenario.run.seeds, available_cores())
     seeds = [_Seed(prepared, number, interrupt) for number in range(together)]
-    found: list[Stretch] = []
+    stretches: list[Stretch] = []
     started, frame = time.perf_counter(), 0
     with ThreadPoolExecutor(together) as pool:  # this thread hears of Ctrl-C
         try:
-            for stretch, end in _stretches(whole, scene):
-                found.append(stretch)
+            for stretch, end in _stretches(full_scene, scene):
+                stretches.append(stretch)
                 last = min(round(end / scene.frame_interval), scene.n_frames - 1)
                 enough = min(last, frame + round(LONGEST_STAGE_S / scene.frame_interval))
                 piece = max(1, (enough - frame) // PIECES)
                 while frame < last and time.perf_counter() - started < (TRIAL_S if frame < enough else CHEAP_S):
                     n = min(piece, last - frame) if frame else 1  # of the first frame nothing is known
-                    begun = time.perf_counter()
+                    piece_start = time.perf_counter()
                     for future in [pool.submit(seed.advance, n) for seed in seeds]:
                         future.result(timeout=LONGEST_TRIAL_S)
-                    stretch.computed.append((n * scene.frame_interval, time.perf_counter() - begun))
+                    stretch.computed.append((n * scene.frame_interval, time.perf_counter() - piece_start))
                     frame += n
         except FutureTimeoutError:  # a frame takes at least that long
-            found[-1].computed.append((scene.frame_interval, LONGEST_TRIAL_S))
+            stretches[-1].computed.append((scene.frame_interval, LONGEST_TRIAL_S))
         finally:
             interrupt[ENDED] = 1
-    done = [stretch for stretch in found if stretch.computed]
-    seconds = sum(stretch.seconds for stretch in done)
-    reached = sum(stretch.whole for stretch in done)
-    return seconds * max(1.0, whole.times.duration / reached)  # of the rest nothing better is known
+    timed = [stretch for stretch in stretches if stretch.computed]
+    seconds = sum(stretch.seconds for stretch in timed)
+    reached = sum(stretch.whole for stretch in timed)
+    return seconds * max(1.0, full_scene.times.duration / reached)  # of the rest nothing better is known
 
 
 def _cut(scene: Scene) -> Scene:
@@ -242,7 +242,7 @@ class Plan:
         input_runs, estimated_inputs_wall_s: at draws of uncertain inputs, which come after that; 0 without any.
         estimated_file_size_mb: of the run folder.
         measures: names of what it will measure, such as --maximise and --measure take; those of the whole run first.
-        cautions, recommended: lines of feeder_sim.run.prepare.
+        warnings, recommended: lines of feeder_sim.run.prepare.
         estimates_are_upper_bounds: whether the run may end before its full duration.
     """
 
@@ -267,7 +267,7 @@ class Plan:
     estimated_inputs_wall_s: float
     estimated_file_size_mb: float
     measures: list[str]
-    cautions: list[str]
+    warnings: list[str]
     recommended: list[str]
     estimates_are_upper_bounds: bool
 
@@ -311,7 +311,7 @@ def make_plan(prepared: Prepared, input_runs: int = 0) -> Plan:
         estimated_inputs_wall_s=_inputs_seconds(prepared, seconds, input_runs),
         estimated_file_size_mb=1e-6 * _file_size(scene),
         measures=sorted(names_of_measures(prepared), key=lambda name: "[" in name),
-        cautions=list(prepared.cautions),
+        warnings=list(prepared.warnings),
         recommended=recommendations(scene),
         estimates_are_upper_bounds=run.stop != "time" or any(stage.until for stage in scene.times.stages),
     )

@@ -1,4 +1,4 @@
-"""Scenario -> everything that is decided before a run: scene, engine, cell, cautions."""
+"""Scenario -> everything that is decided before a run: scene, engine, cell, warnings."""
 
 from __future__ import annotations
 
@@ -73,13 +73,13 @@ def check_plausible(scene: Scene) -> None:
             )
 
 
-def doubts(scene: Scene) -> Iterator[str]:
+def plausibility_warnings(scene: Scene) -> Iterator[str]:
     """Lines about what one may mean, but hardly does."""
     plate = scene.scenario.plate
     for (key, _), mode in zip(scene.scenario.excitations, scene.driven, strict=True):
         if mode.doubt:
             yield f"{key}: {mode.doubt}"
-    yield from _doubts_of_jumps(scene)
+    yield from _jump_warnings(scene)
     if isinstance(plate, Strip) or (isinstance(plate, Rectangle) and plate.mode_file is None):
         material = resolve_material(plate.material or "aluminium")
         speed = largest_together(scene.times, scene.all_drives, speeds=True)
@@ -90,16 +90,16 @@ def doubts(scene: Scene) -> Iterator[str]:
                 "would break before long"
             )
     if len(scene.parts) <= MOST_PLACED:
-        yield from _doubts_of_starts(scene)
+        yield from _start_warnings(scene)
     shorter = min(scene.surface.length, scene.surface.width)
     for i, (spec, kind) in enumerate(zip(scene.scenario.part, scene.kinds, strict=True)):
         if spec.guide is None and kind.longest > shorter:
             yield f"part[{i}]: is {1e3 * kind.longest:.3g} mm long, more than the plate's side, {1e3 * shorter:.3g} mm"
         if isinstance(spec, MeshPart):
-            yield from _doubts_of_contact(spec, kind, i, crowd=len(scene.parts) > 1)
+            yield from _contact_warnings(spec, kind, i, crowd=len(scene.parts) > 1)
 
 
-def _doubts_of_jumps(scene: Scene) -> Iterator[str]:
+def _jump_warnings(scene: Scene) -> Iterator[str]:
     """A line where drives without ring-up begin or end off zero, so that the surface jumps into or away from parts."""
     times, jump = scene.surface.terms.jumps(scene.surface.n_shapes)
     within = (times > 0.0) & (times < scene.times.duration - scene.frame_interval)
@@ -117,21 +117,21 @@ def _doubts_of_jumps(scene: Scene) -> Iterator[str]:
     )
 
 
-def _doubts_of_starts(scene: Scene) -> Iterator[str]:
+def _start_warnings(scene: Scene) -> Iterator[str]:
     """Lines about parts that lie in each other, in a wall or in the plate where they start, in the first seeds."""
     run, kinds = scene.scenario.run, [type(spec.start) for spec in scene.scenario.part]
-    given = Placed in kinds or GivenState in kinds
-    off_rest = np.abs(scene.surface.terms.phasor(0.0, scene.surface.n_shapes).real).max(initial=0.0) > LEAST_IN_PLATE
-    if not (given or scene.rim or off_rest):
+    is_prescribed = Placed in kinds or GivenState in kinds
+    is_bent = np.abs(scene.surface.terms.phasor(0.0, scene.surface.n_shapes).real).max(initial=0.0) > LEAST_IN_PLATE
+    if not (is_prescribed or scene.rim or is_bent):
         return
     deepest: dict[str, tuple[float, str]] = {}
     for sequence in np.random.SeedSequence(run.seed).spawn(min(run.seeds, MOST_DRAWN)):
         poses = start_poses(scene, np.random.default_rng(sequence))
-        for what, found in overlaps(scene, [pose.place if pose.present else None for pose in poses]).items():
-            deepest[what] = max(found, deepest.get(what, found))
+        for what, overlap in overlaps(scene, [pose.place if pose.present else None for pose in poses]).items():
+            deepest[what] = max(overlap, deepest.get(what, overlap))
     for what, (depth, name) in deepest.items():
         yield f"part.start: {name} starts {1e3 * depth:.2g} mm in {what}: contact will push it out"
-    if given and all(pose.present for pose in poses):
+    if is_prescribed and all(pose.present for pose in poses):
         reaching = reaching_hulls(scene, [pose.place for pose in poses])
         if reaching:
             a, b, depth = max(reaching, key=lambda pair: pair[2])
@@ -142,7 +142,7 @@ def _doubts_of_starts(scene: Scene) -> Iterator[str]:
             )
 
 
-def _doubts_of_contact(spec: MeshPart, kind: RigidPart, i: int, *, crowd: bool) -> Iterator[str]:
+def _contact_warnings(spec: MeshPart, kind: RigidPart, i: int, *, crowd: bool) -> Iterator[str]:
     """Lines about what the corners of a mesh leave out, and in a crowd its hull."""
     if 1e6 * kind.corner_error > 1.001 * spec.corner_error_um:
         yield (
@@ -157,7 +157,7 @@ def _doubts_of_contact(spec: MeshPart, kind: RigidPart, i: int, *, crowd: bool) 
         )
 
 
-# Cautions about settings that are known to mislead, and recommendations of cheaper models for a scene.
+# Warnings about settings that are known to mislead, and recommendations of cheaper models for a scene.
 #
 # docs/choosing.md discusses the numbers in these texts.
 
@@ -172,26 +172,26 @@ MUCH_FASTER = 5.0  # than usual: parts hop by a centimetre and more
 MOST_ACCELERATION = 2000.0  # [g]; what drives move plates with
 
 
-def cautions(scene: Scene, engine: Choice) -> list[str]:
+def setting_warnings(scene: Scene, engine: Choice) -> list[str]:
     """Settings of a scene that are known to give wrong numbers: key, value and effect, a line each."""
     scenario = scene.scenario
-    lines = [*complaints(scenario, "unstable"), *_cautions_of_motion(scene)]
+    lines = [*complaints(scenario, "unstable"), *_motion_warnings(scene)]
     lines += [*ignored_uncertainty(scenario), *complaints(scenario, "misleading")]
     lines += [
         f"part[{i}].file: has {counted(kind.dropped_facets, 'facet')} of no area, which the part does without"
         for i, kind in enumerate(scene.kinds)
         if kind.dropped_facets
     ]
-    return lines + (_cautions_of_fall(scene) if engine.name == "mujoco" else [])
+    return lines + (_fall_warnings(scene) if engine.name == "mujoco" else [])
 
 
 def ignored_uncertainty(scenario: Scenario) -> list[str]:
-    """The caution about uncertain inputs, wherever a scenario is run as it is and no values of them are drawn."""
+    """The warning about uncertain inputs, wherever a scenario is run as it is and no values of them are drawn."""
     keys = ", ".join(scenario.uncertain or ())
     return [f"{keys}: uncertain inputs, which have the values of the scenario here, not those of draws"] if keys else []
 
 
-def _cautions_of_motion(scene: Scene) -> list[str]:
+def _motion_warnings(scene: Scene) -> list[str]:
     """A line for each drive that moves the parts of a table far more than feeders do."""
     lines = []
     keys = [key for key, _ in scene.scenario.excitations]
@@ -205,7 +205,7 @@ def _cautions_of_motion(scene: Scene) -> list[str]:
     return lines
 
 
-def _cautions_of_fall(scene: Scene) -> list[str]:
+def _fall_warnings(scene: Scene) -> list[str]:
     """A line for each part table whose parts hit the plate so fast that the contact may not stop them in it."""
     lines = []
     for i, spec in enumerate(scene.scenario.part):
@@ -262,4 +262,4 @@ def prepare(scenario: Scenario) -> Prepared:
     check_plausible(scene)
     cell = transport_cell(scene)
     check_stop_rule(scene, cell)
-    return Prepared(scene, engine, cell, (*cautions(scene, engine), *doubts(scene)))
+    return Prepared(scene, engine, cell, (*setting_warnings(scene, engine), *plausibility_warnings(scene)))

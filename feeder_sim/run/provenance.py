@@ -11,7 +11,7 @@ from typing import Any
 
 from feeder_sim import __version__, extensions
 from feeder_sim.errors import InputError, cause_of
-from feeder_sim.machine_code import SHOWING, source_hash
+from feeder_sim.machine_code.key import files_hash
 from feeder_sim.scenario import Scenario, input_files
 
 # What the numbers of a scenario depend on, as one short text: its values, the files it reads, the libraries.
@@ -63,13 +63,14 @@ def _hash(path: Path, changed: int, size: int) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+SHOWING = ("api", "app", "cli", "document", "plots", "replay", "report")  # rooms that decide no number
 ASKING = ("feeder", "jobs", "studies")  # rooms that say what is run, and decide no number of a seed
 LIBRARIES = ("mujoco", "numpy", "scipy", "numba", "h5py")
 
 
 def library_versions() -> dict[str, str]:
     """Versions of the libraries that decide the numbers, and of this package with a hash of its sources."""
-    return {"feeder_sim": f"{__version__}+{source_hash(without=(*SHOWING, *ASKING))}"} | _installed()
+    return {"feeder_sim": f"{__version__}+{files_hash(without=(*SHOWING, *ASKING))}"} | _installed()
 
 
 @functools.cache
@@ -125,6 +126,6 @@ def _different(then: dict[str, str], now: dict[str, str]) -> list[str]:
     return sorted({name for name, _ in set(then.items()) ^ set(now.items())})
 
 
-def _refuse(changed: list[str], folder: Path, said: str, key: str | None) -> None:
+def _refuse(changed: list[str], folder: Path, problem: str, key: str | None) -> None:
     if changed:
-        raise InputError(f"{said} {changed[0]}, allowed is the same one", file=folder, key=key)
+        raise InputError(f"{problem} {changed[0]}, allowed is the same one", file=folder, key=key)

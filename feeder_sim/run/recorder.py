@@ -26,7 +26,7 @@ class Recorder:
         self._folder, self._writer = folder, writer
         self._waiting: dict[int, list[Seed]] = {}
         self._written: dict[int, float] = {}  # when a seed was last written [s]
-        self._whole: dict[int, Seed | None] = {}  # of seeds that were written at once
+        self._single_blocks: dict[int, Seed | None] = {}  # of seeds that were written at once
         self._began = time.perf_counter() - wall_s_before
 
     def append(self, seed_index: int, block: Seed) -> None:
@@ -40,10 +40,10 @@ class Recorder:
         if waiting := self._waiting.pop(seed_index, []):
             block = Seed.joined(waiting)
             self._writer.append(seed_index, block)
-            self._whole[seed_index] = None if seed_index in self._whole else block
+            self._single_blocks[seed_index] = None if seed_index in self._single_blocks else block
         self._written[seed_index] = time.perf_counter()
 
-    def keep_last(self, failure: SimulationDiverged, last: LastStates) -> str:
+    def save_last(self, failure: SimulationDiverged, last: LastStates) -> str:
         """Keep the last states of the seed that diverged; returns the name of the file."""
         self._write(failure.seed)
         return save_last_states(self._folder, failure, last)
@@ -51,15 +51,15 @@ class Recorder:
     def recorded(self, seed_index: int) -> Seed:
         """Everything appended so far."""
         self._write(seed_index)
-        return self._whole.pop(seed_index, None) or self._writer.read_back(seed_index)
+        return self._single_blocks.pop(seed_index, None) or self._writer.read_back(seed_index)
 
-    def take(self, seed_index: int, seed: Seed) -> Seed:
+    def append_ended(self, seed_index: int, seed: Seed) -> Seed:
         """Put a whole seed on disk, which has ended elsewhere; returns it with the name of its last states."""
         self.append(seed_index, seed)
         if seed.failure and seed.last:
-            seed = replace(seed, failure=seed.failure.kept_in(self.keep_last(seed.failure, seed.last)))
+            seed = replace(seed, failure=seed.failure.kept_in(self.save_last(seed.failure, seed.last)))
         self.finish(seed_index, seed)
-        self._whole.pop(seed_index, None)
+        self._single_blocks.pop(seed_index, None)
         return seed
 
     def finish(self, seed_index: int, seed: Seed) -> None:

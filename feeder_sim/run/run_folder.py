@@ -25,7 +25,7 @@ from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.compilation import announced
-from feeder_sim.run.keep import AllFrames, Keep, check_kept
+from feeder_sim.run.keep import AllFrames, Retention, check_retention
 from feeder_sim.run.prepare import ignored_uncertainty, prepare
 from feeder_sim.run.provenance import check_inputs, check_libraries, input_hashes, library_versions
 from feeder_sim.run.recorder import Recorder
@@ -55,22 +55,22 @@ def carried_names(scenario: Scenario) -> dict[Path, str]:
         InputError: a file cannot be read.
     """
     names: dict[Path, str] = {}
-    known: dict[tuple[str, str], str] = {}
+    name_of: dict[tuple[str, str], str] = {}
     for key, path in input_files(scenario).items():
         if path in names or (path.is_file() and path.stat().st_size > LARGEST_CARRIED):
             continue
-        same = hashlib.sha256(_read(path, key)).hexdigest(), path.suffix
-        if same not in known:
-            known[same] = _free_name(path, {name.lower() for name in known.values()})
-        names[path] = known[same]
+        identity = hashlib.sha256(_read(path, key)).hexdigest(), path.suffix
+        if identity not in name_of:
+            name_of[identity] = _free_name(path, {name.lower() for name in name_of.values()})
+        names[path] = name_of[identity]
     return names
 
 
-def _free_name(path: Path, taken: set[str]) -> str:
+def _free_name(path: Path, used_names: set[str]) -> str:
     """A name of plain characters near that of a file: the same, or with a number."""
     plain = Path(_UNUSUAL.sub("_", path.name))
     numbered = (plain.with_stem(f"{plain.stem}_{number}") for number in itertools.count(2))
-    return next(name.name for name in itertools.chain([plain], numbered) if name.name.lower() not in taken)
+    return next(name.name for name in itertools.chain([plain], numbered) if name.name.lower() not in used_names)
 
 
 def copy_files(names: Mapping[Path, str], folder: Path) -> None:
@@ -128,7 +128,7 @@ def record_run(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     replay: bool = True,
-    record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
+    record: Retention = AllFrames(),  # noqa: B008, it cannot be changed
     notify: Callable[[str], None] | None = None,
     stall_after: float = STALL_AFTER_S,
     workers: int | None = None,
@@ -155,7 +155,7 @@ def record_run(
     folder = Path(folder)
     check_free(folder)
     prepared = prepare(scenario)
-    check_kept(prepared, record)
+    check_retention(prepared, record)
     check_starts(prepared.scene, notify)
     how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
     how |= {"record": record, "stall_after": stall_after, "workers": workers, "executor": executor}
@@ -228,7 +228,7 @@ def resume_run(
     how |= {"stall_after": stall_after, "workers": workers, "executor": executor}
     with locked(folder):
         if not (folder / TRAJECTORY).exists():
-            prepared = prepare(_as_begun(folder))
+            prepared = prepare(_started_scenario(folder))
             check_starts(prepared.scene, notify)
             return _fill_folder(folder, prepared, {}, **how)
         recording = recording_of(folder)
@@ -243,11 +243,11 @@ def resume_run(
             for index, seed in enumerate(recording.records)
             if seed.status != Status.UNFINISHED and (seed.status != Status.DIVERGED or seed.last is not None)
         }
-        how |= {"kept": folder / TRAJECTORY, "wall_s_before": recording.wall_s}
+        how |= {"recorded": folder / TRAJECTORY, "wall_s_before": recording.wall_s}
         return _run_into(folder, prepare(scenario), recording.scenario_text, ended, **how)
 
 
-def _as_begun(folder: Path) -> Scenario:
+def _started_scenario(folder: Path) -> Scenario:
     """The scenario of a run that has recorded nothing: with copies of what it reads, or from the first file of all.
 
     Raises:
@@ -257,8 +257,8 @@ def _as_begun(folder: Path) -> Scenario:
     if (folder / RESOLVED).is_file():
         return load_scenario(folder / RESOLVED)
     try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-        version, text = held["format"], str(held["scenario"])
+        record = json.loads(path.read_text(encoding="utf-8"))
+        version, text = record["format"], str(record["scenario"])
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError("is not the readable begin of a run", file=path) from error
     if version != FORMAT:
@@ -272,16 +272,16 @@ def _run_into(
     text: str,
     ended: Mapping[int, Seed],
     *,
-    kept: Path | None = None,
+    recorded: Path | None = None,
     wall_s_before: float = 0.0,
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     replay: bool = True,
     notify: Callable[[str], None] | None = None,
-    record: Keep = AllFrames(),  # noqa: B008
+    record: Retention = AllFrames(),  # noqa: B008
     **runs: Any,
 ) -> Result:
-    """Simulate a scene into a folder; kept: the trajectory file of the seeds that have ended, where there is one.
+    """Simulate a scene into a folder; recorded: the trajectory file of the seeds that have ended, where there is one.
 
     `runs` as for `run_ensemble`.
     """
@@ -301,18 +301,18 @@ def _run_into(
                 PartRecord(part.name, part.vertices, part.faces, part.centre, part.principal_axes, scene.poses[kind])
                 for part, kind in zip(scene.parts, scene.kind_of, strict=True)
             ],
-            kept=(kept, list(ended)) if kept else None,
+            copied=(recorded, list(ended)) if recorded else None,
         )
     recorder = Recorder(folder, writer, wall_s_before=wall_s_before)
     try:
-        for index, seed in ended.items() if kept is None else ():
-            recorder.take(index, seed)
+        for index, seed in ended.items() if recorded is None else ():
+            recorder.append_ended(index, seed)
         writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         remove_replays(folder)  # built from the file that was here before
         if notify:
-            for caution in prepared.cautions:
-                if caution not in ignored_uncertainty(scenario):  # draws may follow, and the command says so
-                    notify(f"caution: {caution}")
+            for warning in prepared.warnings:
+                if warning not in ignored_uncertainty(scenario):  # draws may follow, and the command says so
+                    notify(f"warning: {warning}")
         how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "record": record, **runs}
         result = run_ensemble(prepared, recorder=recorder, ended=ended, wall_s_before=wall_s_before, **how)
     except BaseException:
@@ -338,13 +338,13 @@ def check_free(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise InputError("is not a folder", file=folder, argument="folder")
     # A process that was killed before it had begun may have left these.
-    held = (
+    names = (
         {path.name for path in folder.iterdir()} - {LOCK, partial_of(folder / RUN).name} if folder.exists() else set()
     )
-    if held & {RUN, TRAJECTORY}:
+    if names & {RUN, TRAJECTORY}:
         raise InputError("already holds a run, allowed is a new or an empty folder", file=folder, argument="folder")
-    if held:
-        name = shortened(min(held), 40)
+    if names:
+        name = shortened(min(names), 40)
         raise InputError(f"is not empty ({name}), allowed is a new or an empty folder", file=folder, argument="folder")
 
 
@@ -395,8 +395,8 @@ def plate_record(prepared: Prepared) -> PlateRecord:
     x = np.linspace(surface.x[0], surface.x[-1], min(len(surface.x), DISPLAY_POINTS))
     y = np.linspace(surface.y[0], surface.y[-1], min(len(surface.y), DISPLAY_POINTS))
     points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    own = 1 + max((drive.shape for drive in prepared.scene.drives), default=0)  # modes that only follow are not drawn
-    shapes = np.stack([surface.deflection(j, points) for j in range(own)])
+    n_drawn = 1 + max((drive.shape for drive in prepared.scene.drives), default=0)  # no modes that only follow
+    shapes = np.stack([surface.deflection(j, points) for j in range(n_drawn)])
     if surface.outline is not None:  # beyond its edge shapes go on to values that no place of the plate has
         most = np.abs(shapes[:, surface.outline.holds(points)]).max(axis=1, keepdims=True)
         shapes = np.clip(shapes, -most, most)
@@ -406,7 +406,7 @@ def plate_record(prepared: Prepared) -> PlateRecord:
         thickness=surface.thickness,
         x=x,
         y=y,
-        mode_shape=shapes.reshape(own, len(x), len(y)),
+        mode_shape=shapes.reshape(n_drawn, len(x), len(y)),
         nodal_lines=cell.lines.lines if cell else (),
         antinode=cell.antinode if cell else np.full(2, np.nan),
         drives=prepared.scene.drives,

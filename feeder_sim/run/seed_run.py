@@ -48,17 +48,17 @@ class History:
 
     Args:
         look_back: longest time before the last frame [s] for which `recent` is called.
-        keep_all: keep all blocks in memory, which `whole` needs.
+        retains_all: keep all blocks in memory, which `to_seed` needs.
 
     Attributes:
-        look_back, keep_all: as above; they may be changed.
+        look_back, retains_all: as above; they may be changed.
         n_frames: number of frames so far, those included that are no longer in memory.
         removals: all removals so far.
         stops: times at which the drives of the first stages have stopped [s], shape (n,).
     """
 
-    def __init__(self, look_back: float, *, keep_all: bool) -> None:
-        self.look_back, self.keep_all = look_back, keep_all
+    def __init__(self, look_back: float, *, retains_all: bool) -> None:
+        self.look_back, self.retains_all = look_back, retains_all
         self._blocks: list[Seed] = []
         self.n_frames = 0
         self.removals = no_events(REMOVALS)
@@ -72,7 +72,7 @@ class History:
             self.removals = joined([self.removals, block.removals])
         if len(block.stops):
             self.stops = np.concatenate([self.stops, block.stops])
-        if not self.keep_all and len(block.frames):
+        if not self.retains_all and len(block.frames):
             since = block.frames.time[-1] - self.look_back
             while len(self._blocks) > 1 and _begins_by(self._blocks[1].frames, since):
                 self._blocks.pop(0)
@@ -91,8 +91,8 @@ class History:
             frames.insert(0, block.frames)
         return Frames.joined(frames)
 
-    def whole(self) -> Seed:
-        """All blocks as one, which are then no longer kept; only with `keep_all`."""
+    def to_seed(self) -> Seed:
+        """All blocks as one, which are then no longer kept; only with `retains_all`."""
         blocks, self._blocks = self._blocks, []
         return Seed.joined(blocks)
 
@@ -104,8 +104,8 @@ def _begins_by(frames: Frames, time: float) -> bool:
 
 BLOCK_STEPS = 500_000  # solver steps and parts between two looks at guard, stop rule and stop event, about
 LEAST_BLOCK = 20  # frames: shorter blocks would cost more to write than to compute
-PASSAGE_LOOK = 10  # frames from one look whether the part has passed to the next
-LOOK_S = 0.1  # [s] between two looks whether the parts have settled
+PASSAGE_CHECK = 10  # frames from one look whether the part has passed to the next
+SETTLED_CHECK_S = 0.1  # [s] between two looks whether the parts have settled
 FIRST_PIECE = 2  # frames, before it is known how long one takes
 GROWTH = 8.0  # of pieces, at most
 PIECE_S = 0.3  # [s] of wall time between two looks whether to stop, about
@@ -136,21 +136,21 @@ class SeedRun:
         self._prepared, self._index, self._recorder, self._threads = prepared, index, recorder, threads
         self._interrupt = new_interrupt() if interrupt is None else interrupt
         self._watchdog = Watchdog(self._interrupt, stall_after)
-        self._whole: Scene = prepared.scene  # with the times at which stages have ended so far
-        self._stages_begun = 1  # of those that are computed one by one
-        self._scene: Scene = self._as_begun()  # without the stages that nothing is known of yet
-        waits = [stage.until.for_s for stage in self._whole.times.stages if stage.until]
-        self._lines: StageLines | None = stage_lines(self._whole) if waits else None
-        self._history = History(max(waits, default=0.0), keep_all=recorder is None)
+        self._full_scene: Scene = prepared.scene  # with the times at which stages have ended so far
+        self._stages_started = 1  # of those that are computed one by one
+        self._scene: Scene = self._started_scene()  # without the stages that nothing is known of yet
+        waits = [stage.until.for_s for stage in self._full_scene.times.stages if stage.until]
+        self._lines: StageLines | None = stage_lines(self._full_scene) if waits else None
+        self._history = History(max(waits, default=0.0), retains_all=recorder is None)
         self._last: LastStates | None = None
         self._piece = FIRST_PIECE
 
-    def run(self, rng: np.random.Generator, done: NDArray[np.float64], stop: threading.Event) -> Seed:
+    def run(self, rng: np.random.Generator, fractions: NDArray[np.float64], stop: threading.Event) -> Seed:
         """Advance until time is up, the stop rule holds, no part is left, or the state is not valid.
 
         Args:
             rng: draws the start.
-            done: fraction done, one entry per seed, for the progress bar.
+            fractions: done, one entry per seed, for the progress bar.
             stop: ends the run after the block under way.
         """
         started = time.perf_counter()
@@ -158,12 +158,12 @@ class SeedRun:
         status, failure = Status.UNFINISHED, None
         with self._watchdog:
             while status == Status.UNFINISHED and not stop.is_set():
-                block = self._advance(done, stop)
+                block = self._advance(fractions, stop)
                 if block is None:
                     break
                 status, failure = block.status, block.failure
-                done[self._index] = self._history.n_frames / self._whole.n_frames
-        done[self._index] = 1.0
+                fractions[self._index] = self._history.n_frames / self._full_scene.n_frames
+        fractions[self._index] = 1.0
         return self._close(status, failure, time.perf_counter() - started)
 
     def _open(self, rng: np.random.Generator) -> None:
@@ -172,47 +172,47 @@ class SeedRun:
         self._engine: Engine = start(self._scene, rng, threads=self._threads, interrupt=self._interrupt)
         self._first = self._engine.current()
         self._guard = Guard(self._prepared, self._first)
-        self._keep(Seed(self._first.as_stored()))
+        self._store(Seed(self._first.as_stored()))
 
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> Seed:
         """Record how it ended; returns everything."""
         if self._recorder and failure and self._last:
-            failure = failure.kept_in(self._recorder.keep_last(failure, self._last))
-        whole = self._recorder.recorded(self._index) if self._recorder else self._history.whole()
+            failure = failure.kept_in(self._recorder.save_last(failure, self._last))
+        recorded = self._recorder.recorded(self._index) if self._recorder else self._history.to_seed()
         counts = self._engine.counts
-        seed = replace(whole, status=status, wall_s=wall_s, failure=failure, last=self._last, counts=counts)
+        seed = replace(recorded, status=status, wall_s=wall_s, failure=failure, last=self._last, counts=counts)
         if self._recorder:
             self._recorder.finish(self._index, seed)
         return seed
 
-    def _advance(self, done: NDArray[np.float64], stop: threading.Event) -> Seed | None:
+    def _advance(self, fractions: NDArray[np.float64], stop: threading.Event) -> Seed | None:
         """One block, step by step; None if it was stopped, and then there is no other."""
         if self._history.n_frames >= self._scene.n_frames:
             self._begin_stage()
-        computed = self._compute(done, stop)
+        computed = self._compute(fractions, stop)
         if computed is None:
             return None
         frames, failure = self._valid(*computed)
         last_frame = self._history.n_frames + len(frames) - 1
-        removals = [*self._take_lost(frames), *(() if failure else self._take_picked(frames, last_frame))]
+        removals = [*self._remove_lost(frames), *(() if failure else self._remove_picked(frames, last_frame))]
         arrivals = no_events(ARRIVALS) if failure else self._fill_in(frames, last_frame)
         removals = joined([no_events(REMOVALS), *removals])
         status = self._judged(frames, removals, failure)
         return self._record(Seed(frames, removals=removals, arrivals=arrivals, status=status, failure=failure))
 
-    def _as_begun(self) -> Scene:
+    def _started_scene(self) -> Scene:
         """The scene, or of one that is computed stage by stage as much as is known by now."""
-        return self._whole.begun(self._stages_begun) if self._whole.stage_by_stage else self._whole
+        return self._full_scene.begun(self._stages_started) if self._full_scene.stage_by_stage else self._full_scene
 
     def _begin_stage(self) -> None:
         """Go on with the next stage, in a window of its own."""
-        self._stages_begun += 1
-        self._scene = self._as_begun()
+        self._stages_started += 1
+        self._scene = self._started_scene()
         self._engine.redrive(self._scene)
         self._guard.redrive(self._scene)
 
     def _compute(
-        self, done: NDArray[np.float64], stop: threading.Event
+        self, fractions: NDArray[np.float64], stop: threading.Event
     ) -> tuple[Frames, SimulationDiverged | None] | None:
         """Compute a block in pieces that take about `PIECE_S` each, so that slow ones show progress and can be stopped.
 
@@ -220,9 +220,9 @@ class SeedRun:
         one does not come, and then why; None where it was stopped.
         """
         size, pieces, computed = self._block_size(), [], 0
-        piece, took = min(size, self._piece), 0.0
+        piece, elapsed = min(size, self._piece), 0.0
         while computed < size:
-            if took > 0.3 * PIECE_S and stop.is_set():  # a short block is soon over
+            if elapsed > 0.3 * PIECE_S and stop.is_set():  # a short block is soon over
                 return None
             started = time.perf_counter()
             self._watchdog.begin()
@@ -233,9 +233,9 @@ class SeedRun:
             if self._interrupt[ENDED]:
                 return None
             computed += piece
-            took = time.perf_counter() - started
-            done[self._index] = (self._history.n_frames + computed) / self._whole.n_frames
-            self._piece = max(1, int(piece * min(GROWTH, PIECE_S / max(took, 1e-9))))
+            elapsed = time.perf_counter() - started
+            fractions[self._index] = (self._history.n_frames + computed) / self._full_scene.n_frames
+            self._piece = max(1, int(piece * min(GROWTH, PIECE_S / max(elapsed, 1e-9))))
             piece = min(size - computed, self._piece)
         return (Frames.joined(pieces) if len(pieces) > 1 else pieces[0]), None
 
@@ -256,13 +256,13 @@ class SeedRun:
 
     def _valid(self, frames: Frames, failure: SimulationDiverged | None) -> tuple[Frames, SimulationDiverged | None]:
         """The frames before the first one that is not valid, and why there are no more."""
-        valid, found = self._guard.check(frames, self._index)
-        failure = found or failure
+        valid, divergence = self._guard.check(frames, self._index)
+        failure = divergence or failure
         if failure:
             self._last = LastStates.of(frames, valid)
         return frames[slice(valid)], failure
 
-    def _take_lost(self, frames: Frames) -> list[Events]:
+    def _remove_lost(self, frames: Frames) -> list[Events]:
         """Take out what has reached the floor; it is gone from the frames after that."""
         lost = self._guard.lost(len(frames))
         if not lost.any():
@@ -275,7 +275,7 @@ class SeedRun:
         order = np.argsort(rows, kind="stable")
         return [removed(parts[k : k + 1], float(frames.time[rows[k]]), Cause.LOST) for k in order]
 
-    def _take_picked(self, frames: Frames, last_frame: int) -> list[Events]:
+    def _remove_picked(self, frames: Frames, last_frame: int) -> list[Events]:
         """Pick at the last frame of the block, if it is time to."""
         picks = pick_frames(self._scene).get(last_frame)
         if picks is None:
@@ -288,7 +288,7 @@ class SeedRun:
 
     def _fill_in(self, frames: Frames, last_frame: int) -> Events:
         """Refill after the last frame of the block, if a cycle ends there and parts are missing."""
-        cycle = refill_frames(self._whole).get(last_frame)
+        cycle = refill_frames(self._full_scene).get(last_frame)
         if cycle is None:
             return no_events(ARRIVALS)
         rng = generator(self._scene, self._index, cycle)
@@ -310,14 +310,14 @@ class SeedRun:
 
     def _is_over(self, n_frames: int) -> bool:
         """Whether time is up after so many frames."""
-        return n_frames >= self._whole.n_frames
+        return n_frames >= self._full_scene.n_frames
 
     def _has_passed(self, frames: Frames) -> bool:
         """Whether the part has reached the end of the measured way, where the run is to stop there."""
         cell = self._prepared.cell
         if self._prepared.scenario.run.stop != "passage" or cell is None or not len(frames):
             return False
-        looked_at = frames[slice(None, None, -PASSAGE_LOOK)]  # the last frame among them
+        looked_at = frames[slice(None, None, -PASSAGE_CHECK)]  # the last frame among them
         may = cell.may_pass(looked_at, PASSAGE_TO, self._first)
         return len(may) > 0 and bool((cell.way(looked_at[may]) <= PASSAGE_TO).any())
 
@@ -330,11 +330,11 @@ class SeedRun:
         self._guard.arrive(block.arrivals, self._engine.current())
         frames = block.frames.as_stored()
         stops = self._stops_of_settled(frames) if block.status == Status.UNFINISHED else np.empty(0)
-        self._keep(replace(block, frames=frames, impacts=impacts, stops=stops))
+        self._store(replace(block, frames=frames, impacts=impacts, stops=stops))
         self._follow_stops(stops)
         return block
 
-    def _keep(self, block: Seed) -> None:
+    def _store(self, block: Seed) -> None:
         self._history.append(block)
         if self._recorder and len(block.frames):
             self._recorder.append(self._index, block)
@@ -343,8 +343,8 @@ class SeedRun:
         """If the stage under way is over because all parts have settled: when it and those before it stopped."""
         now = float(frames.time[-1])
         stages = self._scene.times.stages
-        under_way = ((i, s, s.until) for i, s in enumerate(stages) if s.until and s.start <= now < s.stop)
-        number, _, until = next(under_way, (0, None, None))
+        running = ((i, s, s.until) for i, s in enumerate(stages) if s.until and s.start <= now < s.stop)
+        number, _, until = next(running, (0, None, None))
         if self._lines is None or until is None:
             return np.empty(0)
         recent = self._history.recent(now - until.for_s, frames)
@@ -355,21 +355,21 @@ class SeedRun:
     def _follow_stops(self, stops: NDArray[np.float64]) -> None:
         """Go on in a scene in which the drives of stages have stopped at these times, and the rest follow."""
         if len(stops):
-            self._whole = self._whole.stopped(self._history.stops.tolist())
-            self._scene = self._as_begun()
+            self._full_scene = self._full_scene.stopped(self._history.stops.tolist())
+            self._scene = self._started_scene()
             self._engine.redrive(self._scene)
             self._guard.redrive(self._scene)
 
     def _block_size(self) -> int:
         """Frames of the next block; a pick or a look whether parts have settled is always at the end of one."""
-        scene, n_done = self._scene, self._history.n_frames
+        scene, n = self._scene, self._history.n_frames
         least = LEAST_BLOCK if len(scene.parts) > 1 else 2
         longest = max(least, BLOCK_STEPS // (scene.steps_per_frame * len(scene.parts)))
-        ahead = [frame - n_done + 1 for frame in (*pick_frames(scene), *refill_frames(self._whole)) if frame >= n_done]
+        ahead = [frame - n + 1 for frame in (*pick_frames(scene), *refill_frames(self._full_scene)) if frame >= n]
         if self._lines is not None:
-            look = max(1, round(LOOK_S / scene.frame_interval))
-            ahead.append(look - (n_done - 1) % look)
-        return min(self._engine.frames_per_block, longest, scene.n_frames - n_done, *ahead)
+            interval = max(1, round(SETTLED_CHECK_S / scene.frame_interval))
+            ahead.append(interval - (n - 1) % interval)
+        return min(self._engine.frames_per_block, longest, scene.n_frames - n, *ahead)
 
 
 def arrived(time: float, parts: NDArray[np.int64], cycle: int, poses: Sequence[Pose]) -> Events:

@@ -24,7 +24,7 @@ from feeder_sim.measures.protocol import Measure, as_json, labelled
 from feeder_sim.records.seed import Counts, Seed, Status, endings
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.compilation import announced, compilation_announced, compile_engine
-from feeder_sim.run.keep import AllFrames, Keep, Keeper
+from feeder_sim.run.keep import AllFrames, Keeper, Retention
 from feeder_sim.run.one_seed import run_seed_elsewhere
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import identity_of
@@ -38,7 +38,7 @@ from feeder_sim.scene.start import start_poses
 from feeder_sim.single_thread import single_threaded
 
 GRACE_S = 0.3  # [s] from the wish to stop until blocks under way are given up
-SHOWN_S = 0.1  # [s] between two looks at the progress
+PROGRESS_S = 0.1  # [s] between two looks at the progress
 LOOKING = "looking for places"
 
 
@@ -82,9 +82,9 @@ class Result(Measured):
         return [seed.frames for seed in self.seeds]
 
     @property
-    def cautions(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """Settings that are known to mislead, a line each."""
-        return self.prepared.cautions
+        return self.prepared.warnings
 
     @property
     def failures(self) -> list[SimulationDiverged]:
@@ -109,11 +109,11 @@ class Result(Measured):
 
     def measures(self) -> dict[str, Any]:
         """What all measures find, by name, as JSON takes it; units in the names."""
-        return {name: value for _, found in self.findings for name, value in as_json(found).items()}
+        return {name: value for _, findings in self.findings for name, value in as_json(findings).items()}
 
     def lines(self) -> list[str]:
         """What all measures find, in words."""
-        lines = [line for measure, found in self.findings for line in measure.lines(self.prepared, found)]
+        lines = [line for measure, findings in self.findings for line in measure.lines(self.prepared, findings)]
         return lines + [labelled(split_unit(name)[0], f"no value: {why}") for name, why in self.without_value().items()]
 
     def without_value(self) -> dict[str, str]:
@@ -143,7 +143,7 @@ class Result(Measured):
             **Counts.total(self.seeds)._asdict(),
             "left_plate": sum(seed.status == Status.LEFT_PLATE for seed in self.seeds),
             "interrupted": self.interrupted,
-            "cautions": list(self.cautions),
+            "warnings": list(self.warnings),
             "failures": [str(failure) for failure in self.failures],
         }
 
@@ -154,7 +154,7 @@ def simulate(
     workers: int | None = None,
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
-    record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
+    record: Retention = AllFrames(),  # noqa: B008, it cannot be changed
     stall_after: float = STALL_AFTER_S,
 ) -> Result:
     """Run every seed of a scenario; see `feeder_sim.simulate`, which gives more to look at."""
@@ -170,7 +170,7 @@ def run_ensemble(
     recorder: Recorder | None = None,
     ended: Mapping[int, Seed] | None = None,
     wall_s_before: float = 0.0,
-    record: Keep = AllFrames(),  # noqa: B008
+    record: Retention = AllFrames(),  # noqa: B008
     workers: int | None = None,
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
@@ -197,16 +197,16 @@ def run_ensemble(
         FeederSimError: workers of the executor end before their seed has.
         InputError: what is to be kept is not recorded in such a scene.
     """
-    run, keep = prepared.scenario.run, Keeper(prepared, record)
+    run, keeper = prepared.scenario.run, Keeper(prepared, record)
     stop, ended = stop or threading.Event(), ended or {}
     random = generators(prepared.scene)
-    done = np.zeros(run.seeds)
+    fractions = np.zeros(run.seeds)
     identity = identity_of(prepared.scenario) if executor else ""
     if not executor:
         with compilation_announced(prepared.engine.method, notify):  # before the threads need it
             compile_engine(prepared)
     started = time.perf_counter()
-    interrupts, asked = [new_interrupt() for _ in range(run.seeds)], math.inf  # when somebody asked to stop
+    interrupts, stop_requested = [new_interrupt() for _ in range(run.seeds)], math.inf  # when somebody asked to stop
     cores = workers or getattr(executor, "_max_workers", None) or available_cores()
     threads = max(1, cores // run.seeds)  # for one seed, where there are fewer seeds than cores
 
@@ -216,7 +216,7 @@ def run_ensemble(
         try:
             future = executor.submit(run_seed_elsewhere, prepared.scenario, identity, index, stall_after)
             while not stop.is_set():
-                if wait([future], SHOWN_S).done:
+                if wait([future], PROGRESS_S).done:
                     return future.result()
         except (BrokenExecutor, CancelledError) as error:
             raise FeederSimError(f"workers end before their seed has ({type(error).__name__}) {error}") from error
@@ -225,16 +225,16 @@ def run_ensemble(
 
     def run_seed(index: int) -> Seed | None:
         if seed := ended.get(index):
-            done[index] = 1.0
-            return keep(seed)
+            fractions[index] = 1.0
+            return keeper(seed)
         if index > 0 and stop.is_set():
             return None  # of a seed that has not begun there is nothing; the first stands for the others
         if executor and (seed := of_executor(index)):
-            done[index] = 1.0
-            return keep(recorder.take(index, seed) if recorder else seed)
+            fractions[index] = 1.0
+            return keeper(recorder.append_ended(index, seed) if recorder else seed)
         of_seed: dict[str, Any] = {"interrupt": interrupts[index], "stall_after": stall_after}
         run_of = SeedRun(prepared, index, recorder=recorder, threads=threads, **of_seed)
-        return keep(run_of.run(random[index], done, stop))
+        return keeper(run_of.run(random[index], fractions, stop))
 
     def end_all() -> None:
         for interrupt in interrupts:
@@ -246,18 +246,18 @@ def run_ensemble(
             futures = [pool.submit(run_seed, index) for index in range(run.seeds)]
             for future in futures:
                 future.add_done_callback(finished.put)
-            left, shown = len(futures), -math.inf
-            while left:
+            remaining, last_report = len(futures), -math.inf
+            while remaining:
                 with contextlib.suppress(queue.Empty):
-                    finished.get(timeout=SHOWN_S).result()  # an error ends the whole ensemble at once
-                    left -= 1
+                    finished.get(timeout=PROGRESS_S).result()  # an error ends the whole ensemble at once
+                    remaining -= 1
                 if stop.is_set():
-                    asked = min(asked, time.perf_counter())
-                    if time.perf_counter() - asked > GRACE_S:
+                    stop_requested = min(stop_requested, time.perf_counter())
+                    if time.perf_counter() - stop_requested > GRACE_S:
                         end_all()
-                if progress and (not left or time.perf_counter() - shown > SHOWN_S):
-                    progress(float(done.mean()))
-                    shown = time.perf_counter()
+                if progress and (not remaining or time.perf_counter() - last_report > PROGRESS_S):
+                    progress(float(fractions.mean()))
+                    last_report = time.perf_counter()
         except BaseException:
             stop.set()
             end_all()

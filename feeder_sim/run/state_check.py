@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.borrow import borrow
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.surface_arrays import OutlineArrays, SurfaceArrays, edge_distance, off_plate, outline_arrays
-from feeder_sim.machine_code import entry_point, inlined, uncounted
+from feeder_sim.machine_code import borrow, entry_point, inlined, uncounted
 from feeder_sim.plate.compiled import (
     BETA_X,
     BETA_Y,
@@ -312,8 +311,7 @@ def check_states(motion, held, states, everything):
     """
     n_shapes = held.antinode.shape[0]
     modal, modes = np.empty((2, n_shapes)), np.empty((n_shapes, 3))
-    lent = borrow(motion), borrow(held), borrow(states)
-    return _check_frames(*lent, borrow(modal), borrow(modes), everything)
+    return _check_frames(motion, held, states, borrow(modal), borrow(modes), everything)
 
 
 @uncounted

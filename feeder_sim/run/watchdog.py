@@ -15,7 +15,7 @@ from feeder_sim.errors import NotAllowed
 
 STALL_AFTER_S = 60.0  # [s] of wall time for a frame; the slowest scenario takes less than one
 STALLED = 2  # what interrupts an engine: not the wish to stop
-LOOKS = 10  # in the time that is allowed
+CHECKS = 10  # in the time that is allowed
 
 
 def checked_patience(stall_after: float) -> float:
@@ -46,7 +46,7 @@ class Watchdog:
 
     def __init__(self, interrupt: NDArray[np.int64], patience: float = STALL_AFTER_S) -> None:
         self.patience = patience
-        self._interrupt, self._since, self._whole = interrupt, math.inf, 0
+        self._interrupt, self._since, self._n_frames = interrupt, math.inf, 0
 
     def __enter__(self) -> Self:
         if self.patience < math.inf:
@@ -74,9 +74,9 @@ class Watchdog:
             self._interrupt[ENDED] = 0
         return stalled
 
-    def _look(self) -> None:
-        if self._whole != self._interrupt[WHOLE] and self._since < math.inf:
-            self._whole, self._since = int(self._interrupt[WHOLE]), time.perf_counter()
+    def _check(self) -> None:
+        if self._n_frames != self._interrupt[WHOLE] and self._since < math.inf:
+            self._n_frames, self._since = int(self._interrupt[WHOLE]), time.perf_counter()
         elif time.perf_counter() - self._since > self.patience and self._interrupt[ENDED] == 0:
             self._interrupt[ENDED] = STALLED
 
@@ -86,10 +86,10 @@ def _watch() -> None:
     while True:
         with Watchdog._changed:
             patience = min((dog.patience for dog in list(Watchdog._watched)), default=STALL_AFTER_S)
-            Watchdog._changed.wait(patience / LOOKS)
+            Watchdog._changed.wait(patience / CHECKS)
             watched = list(Watchdog._watched)
             if not watched:
                 Watchdog._watching = False
                 return
         for dog in watched:
-            dog._look()
+            dog._check()

@@ -73,13 +73,13 @@ def changed_values(raw: Mapping[str, Any], changes: Mapping[str, Any], file: Pat
     Raises:
         InputError: a key leads nowhere; `file` names the scenario in the message.
     """
-    whole: Any = dict(raw)
+    document: Any = dict(raw)
     for key, value in changes.items():
         try:
-            whole = _replaced(whole, path_of(key), value, key)
+            document = _replaced(document, path_of(key), value, key)
         except InputError as error:
             raise InputError(error.problem, file=file, key=error.key) from None
-    return dict(whole)
+    return dict(document)
 
 
 def read_value(text: str) -> Any:
@@ -87,10 +87,10 @@ def read_value(text: str) -> Any:
     if not text.strip():
         return None
     try:
-        read = tomllib.loads(f"value = {text}")
+        table = tomllib.loads(f"value = {text}")
     except (tomllib.TOMLDecodeError, ValueError, RecursionError):
         return text.strip()
-    return read["value"] if read.keys() == {"value"} else text.strip()  # a text of several lines may hold more keys
+    return table["value"] if table.keys() == {"value"} else text.strip()  # a text of several lines may hold more keys
 
 
 def read_changes(settings: list[str], option: str = "--set") -> dict[str, Any]:
@@ -114,21 +114,21 @@ def read_changes(settings: list[str], option: str = "--set") -> dict[str, Any]:
 
 def _replaced(value: Any, path: KeyPath, new: Any, key: str) -> Any:
     """A copy of a table or list with another value at the end of a path."""
-    first, rest = path[0], path[1:]
+    first, remaining = path[0], path[1:]
     if isinstance(first, int):
         _entry(value, first, key)
         entries = list(value)
-        entries[first] = _replaced(entries[first], rest, new, key) if rest else new
+        entries[first] = _replaced(entries[first], remaining, new, key) if remaining else new
         return entries
     if value is None:
         value = {}
     if not isinstance(value, Mapping):
         raise InputError(_number_missing(value, first, key) or "leads into a value that is no table", key=key)
     table = dict(value)
-    if not rest:
+    if not remaining:
         table[first] = new
-    elif first in table or isinstance(rest[0], str):
-        table[first] = _replaced(table.get(first), rest, new, key)
+    elif first in table or isinstance(remaining[0], str):
+        table[first] = _replaced(table.get(first), remaining, new, key)
     else:
         _entry(table, first, key)
     return table

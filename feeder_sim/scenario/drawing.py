@@ -82,7 +82,7 @@ def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         if any(isinstance(table, dict) and "at_mm" not in table for table in tables):
             result[key] = _placed(list(tables), places, key, layer, account)
         else:
-            account.leave(layer, f"{layer} that no [[{key}]] takes")
+            account.ignore_layer(layer, f"{layer} that no [[{key}]] takes")
     return result | {"drawing_account": account.to_text()}
 
 
@@ -106,20 +106,20 @@ def _placed(
     tables: list[dict[str, Any]], places: Sequence[dict[str, Any]], key: str, layer: str, account: Account
 ) -> list[dict[str, Any]]:
     """The tables, those without a place with one from the drawing."""
-    waiting = [table for table in tables if isinstance(table, dict) and "at_mm" not in table]
-    if len(waiting) == 1 and len(places) > 1:
-        name = waiting[0].get("name")
+    unplaced = [table for table in tables if isinstance(table, dict) and "at_mm" not in table]
+    if len(unplaced) == 1 and len(places) > 1:
+        name = unplaced[0].get("name")
         names = [{} if name is None else {"name": f"{name}_{i + 1}"} for i in range(len(places))]
-        copies = [waiting[0] | place | own for place, own in zip(places, names, strict=True)]
-        return [table for table in tables if table is not waiting[0]] + copies
-    if len(waiting) != len(places):
+        copies = [unplaced[0] | place | name_entry for place, name_entry in zip(places, names, strict=True)]
+        return [table for table in tables if table is not unplaced[0]] + copies
+    if len(unplaced) != len(places):
         raise account.refusal(
             f"has {len(places)} in the layer {layer}, allowed are as many as there are [[{key}]] without at_mm, "
-            f"{len(waiting)}, or one [[{key}]] for all"
+            f"{len(unplaced)}, or one [[{key}]] for all"
         )
     following = iter(places)
-    without = [isinstance(table, dict) and "at_mm" not in table for table in tables]
-    return [table | next(following) if free else table for table, free in zip(tables, without, strict=True)]
+    is_unplaced = [isinstance(table, dict) and "at_mm" not in table for table in tables]
+    return [table | next(following) if is_free else table for table, is_free in zip(tables, is_unplaced, strict=True)]
 
 
 def _corners(ring: Any) -> list[list[float]]:
@@ -147,10 +147,10 @@ def _points_apart(
         if any(math.dist(point, other) <= JOIN for other in apart):
             account.ignore("points drawn twice")
             continue
-        around = next((ring for ring in rings if ring.covers(shapely.Point(point))), None)
-        if around is None:
+        foot = next((ring for ring in rings if ring.covers(shapely.Point(point))), None)
+        if foot is None:
             apart.append(point)
-        elif math.dist(point, around.centroid.coords[0]) <= CENTRED * math.sqrt(around.area):
+        elif math.dist(point, foot.centroid.coords[0]) <= CENTRED * math.sqrt(foot.area):
             account.ignore("centres of feet")
         else:
             raise account.refusal(f"has a point at {place_text(point)} within a foot, allowed is one of both")
@@ -161,9 +161,9 @@ def _foot(ring: Any, account: Account) -> dict[str, Any]:
     """Place and size of a foot that is a circle, or a rectangle along the axes."""
     import shapely
 
-    around = shapely.minimum_bounding_circle(ring)
+    circle = shapely.minimum_bounding_circle(ring)
     low_x, low_y, high_x, high_y = ring.bounds
-    if ring.area > (1.0 - ROUND) * around.area:
+    if ring.area > (1.0 - ROUND) * circle.area:
         return {"at_mm": [ring.centroid.x, ring.centroid.y], "diameter_mm": 2.0 * math.sqrt(ring.area / math.pi)}
     if ring.symmetric_difference(shapely.box(*ring.bounds)).area <= JOIN * ring.length:
         place = [0.5 * (low_x + high_x), 0.5 * (low_y + high_y)]

@@ -31,11 +31,11 @@ def choose_engine(scenario: Scenario) -> Choice:
     """The engine of a checked scenario: the one it asks for, else the fastest that can compute it."""
     guide = scenario.guide
     method = "reaction" if scenario.run.reaction else "impulse"
-    many = scenario.n_parts > 1 or scenario.refill is not None
-    in_steps_by_default = many and scenario.plate.kind not in UNSTEPPED
-    asks_for_steps = scenario.run.steps_per_period is not None or in_steps_by_default or any(needs_steps(scenario))
-    if scenario.run.tolerance_nm is not None or not asks_for_steps:
-        method = "joint" if many else "exact"
+    has_many_parts = scenario.n_parts > 1 or scenario.refill is not None
+    is_stepped_by_default = has_many_parts and scenario.plate.kind not in UNSTEPPED
+    is_stepped = scenario.run.steps_per_period is not None or is_stepped_by_default or any(needs_steps(scenario))
+    if scenario.run.tolerance_nm is not None or not is_stepped:
+        method = "joint" if has_many_parts else "exact"
     if guide is not None and guide.kind == "slide":
         method = "slide"
     if scenario.run.engine == "impulse":

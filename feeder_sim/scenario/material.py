@@ -34,22 +34,22 @@ class CustomMaterial(Table):
         return self
 
 
-def _known_material(value: str) -> str:
+def _check_material(value: str) -> str:
     if value not in MATERIALS:
         names = ", ".join(sorted(MATERIALS))
         raise ValueError(f"allowed is one of {names}, or a table of density_kg_m3, youngs_modulus_gpa, poisson_ratio")
     return value
 
 
-def _known_ceramic(value: str) -> str:
+def _check_ceramic(value: str) -> str:
     if value not in CERAMICS:
         raise ValueError(f"allowed is one of {', '.join(sorted(CERAMICS))}, and constants in place of its own")
     return value
 
 
-CeramicName = Annotated[str, AfterValidator(_known_ceramic), Field(json_schema_extra={"enum": sorted(CERAMICS)})]
+CeramicName = Annotated[str, AfterValidator(_check_ceramic), Field(json_schema_extra={"enum": sorted(CERAMICS)})]
 MaterialChoice = Annotated[
-    Annotated[str, AfterValidator(_known_material), Field(json_schema_extra={"enum": sorted(MATERIALS)}), Tag("name")]
+    Annotated[str, AfterValidator(_check_material), Field(json_schema_extra={"enum": sorted(MATERIALS)}), Tag("name")]
     | Annotated[CustomMaterial, Tag("table")],
     Discriminator(lambda value: "name" if isinstance(value, str) else "table"),
 ]

@@ -68,21 +68,21 @@ class Actuator(BondedLayer):
     @property
     def properties(self) -> Ceramic:
         """Constants of the ceramic in SI units, with those that are given in place of those of its name."""
-        known = CERAMICS[self.ceramic]
+        ceramic = CERAMICS[self.ceramic]
 
-        def given(value: float | None, otherwise: float, unit: float = 1.0) -> float:
-            return otherwise if value is None else unit * value
+        def si_value(value: float | None, default: float, unit: float = 1.0) -> float:
+            return default if value is None else unit * value
 
-        modulus = known.solid.youngs_modulus if self.s11_um2_per_n is None else 1e12 / self.s11_um2_per_n
+        modulus = ceramic.solid.youngs_modulus if self.s11_um2_per_n is None else 1e12 / self.s11_um2_per_n
         density, poisson = (
-            given(self.density_kg_m3, known.solid.density),
-            given(self.poisson_ratio, known.solid.poisson_ratio),
+            si_value(self.density_kg_m3, ceramic.solid.density),
+            si_value(self.poisson_ratio, ceramic.solid.poisson_ratio),
         )
         return Ceramic(
             Material(density, modulus, poisson),
-            given(self.d31_pm_per_v, known.d31, 1e-12),
-            given(self.relative_permittivity, known.relative_permittivity),
-            given(self.loss_tangent, known.loss_tangent),
+            si_value(self.d31_pm_per_v, ceramic.d31, 1e-12),
+            si_value(self.relative_permittivity, ceramic.relative_permittivity),
+            si_value(self.loss_tangent, ceramic.loss_tangent),
         )
 
     @model_validator(mode="after")
@@ -98,7 +98,7 @@ class ActuatorFile(Table):
     actuator: Annotated[tuple[Actuator, ...], Field(min_length=1, max_length=MOST_ACTUATORS)]
 
     @model_validator(mode="after")
-    def _own_names(self) -> Self:
+    def _names_are_unique(self) -> Self:
         check_names(self.actuator)
         return self
 
@@ -144,9 +144,9 @@ class Ring(Table):
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
-        given = [name for name in ("points_mm", "diameter_mm", "size_mm") if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise ValueError(f"gives {' and '.join(given) or 'no shape'}, allowed is points_mm, diameter_mm or size_mm")
+        keys = [name for name in ("points_mm", "diameter_mm", "size_mm") if getattr(self, name) is not None]
+        if len(keys) != 1:
+            raise ValueError(f"gives {' and '.join(keys) or 'no shape'}, allowed is points_mm, diameter_mm or size_mm")
         if self.points_mm is not None and self.centre_mm != (0.0, 0.0):
             raise ValueError("centre_mm belongs to diameter_mm or size_mm, points_mm says where it is by itself")
         return self
@@ -331,8 +331,8 @@ class Support(Table):
     @model_validator(mode="after")
     def _holds(self) -> Self:
         if (self.hold == "spring") != (self.stiffness_n_per_mm is not None):
-            needed = "a number above 0 with" if self.hold == "spring" else "none but with"
-            raise ValueError(f'stiffness_n_per_mm: allowed is {needed} hold = "spring"')
+            allowed = "a number above 0 with" if self.hold == "spring" else "none but with"
+            raise ValueError(f'stiffness_n_per_mm: allowed is {allowed} hold = "spring"')
         if self.loss_factor is not None and self.hold != "spring":
             raise ValueError(f'loss_factor is {self.loss_factor:g}, allowed is none with hold = "{self.hold}"')
         if sum(place is not None for place in (self.to_mm, self.diameter_mm, self.size_mm)) > 1:
@@ -372,11 +372,11 @@ class PlateShape(Table):
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
         sides = {"length_mm": self.length_mm, "width_mm": self.width_mm}
-        given = [name for name, side in sides.items() if side is not None]
-        if self.outline is not None and given:
-            raise ValueError(f"{given[0]} is {sides[given[0]]:g}, allowed is none with an outline")
-        if self.outline is None and len(given) < len(sides):
-            missing = next(name for name in sides if name not in given)
+        side_keys = [name for name, side in sides.items() if side is not None]
+        if self.outline is not None and side_keys:
+            raise ValueError(f"{side_keys[0]} is {sides[side_keys[0]]:g}, allowed is none with an outline")
+        if self.outline is None and len(side_keys) < len(sides):
+            missing = next(name for name in sides if name not in side_keys)
             raise ValueError(f"{missing} is missing, allowed is a number above 0 (or give outline)")
         return self
 
@@ -421,8 +421,8 @@ class OnPlate(Table):
         for i, resonance in enumerate(self.resonance):
             for name in resonance.actuator:
                 if name not in names:
-                    known = ", ".join(names) or "none"
-                    raise ValueError(f"resonance[{i}].actuator is {name!r}, allowed are the actuators: {known}")
+                    allowed = ", ".join(names) or "none"
+                    raise ValueError(f"resonance[{i}].actuator is {name!r}, allowed are the actuators: {allowed}")
         return self
 
 
@@ -438,10 +438,10 @@ class PlateFile(OnPlate):
         body = data.get("plate") if isinstance(data, dict) else None
         if not isinstance(body, dict) or body.get("drawing") is None:
             return data
-        own = {key: value for key, value in data.items() if key != "plate"}
-        drawn = with_drawing(body | own, _folder(info))
-        tables = {key: drawn.pop(key) for key in OnPlate.model_fields if key in drawn}
-        return {"plate": drawn} | tables
+        on_plate = {key: value for key, value in data.items() if key != "plate"}
+        merged = with_drawing(body | on_plate, _folder(info))
+        tables = {key: merged.pop(key) for key in OnPlate.model_fields if key in merged}
+        return {"plate": merged} | tables
 
     @model_validator(mode="after")
     def _go_together(self) -> Self:

@@ -42,10 +42,10 @@ Level = Literal["refused", "unstable", "misleading"]
 def complaints(scenario: Scenario, level: Level, *, engine: str = "") -> Iterator[str]:
     """The rules of a level that a scenario breaks, a line each; engine: another one than its own."""
     engine = engine or choose_engine(scenario).name
-    own: Mapping[str, tuple[Rule, ...]] = RULES_OF.get(engine, {})
+    engine_rules: Mapping[str, tuple[Rule, ...]] = RULES_OF.get(engine, {})
     if engine in extensions.names_of("engines"):
-        own = getattr(extensions.find("engines", engine), "rules", {})
-    for rule in (*RULES[level], *own.get(level, ())):
+        engine_rules = getattr(extensions.find("engines", engine), "rules", {})
+    for rule in (*RULES[level], *engine_rules.get(level, ())):
         yield from lines_of(scenario, rule, ": " if level == "misleading" else ", allowed is ")
 
 
@@ -56,7 +56,7 @@ def lines_of(scenario: Scenario, rule: Rule, between: str = ", allowed is ") -> 
             yield broken
         else:
             key, text = broken
-            yield f"{key} is {_shown(_value_at(scenario, key))}{between}{text}"
+            yield f"{key} is {_value_text(_value_at(scenario, key))}{between}{text}"
 
 
 def _value_at(scenario: Scenario, key: str) -> Any:
@@ -67,13 +67,13 @@ def _value_at(scenario: Scenario, key: str) -> Any:
     return value
 
 
-def _shown(value: Any) -> str:
+def _value_text(value: Any) -> str:
     if value is None:
         return "missing"
     if isinstance(value, BaseModel) or (isinstance(value, tuple) and any(isinstance(v, BaseModel) for v in value)):
         return "given"
     if isinstance(value, tuple):
-        return f"[{', '.join(map(_shown, value))}]"
+        return f"[{', '.join(map(_value_text, value))}]"
     return f"{value:g}" if isinstance(value, float) else json.dumps(value)
 
 
@@ -148,11 +148,11 @@ def _guides(s: Scenario) -> Broken:
 
 def _trays(s: Scenario) -> Broken:
     """How a tray is driven, and no other plate."""
-    own, others = (TRAY_LEVELS, PLATE_LEVELS) if isinstance(s.plate, TrayPlate) else (PLATE_LEVELS, TRAY_LEVELS)
+    allowed, refused = (TRAY_LEVELS, PLATE_LEVELS) if isinstance(s.plate, TrayPlate) else (PLATE_LEVELS, TRAY_LEVELS)
     for key, drive in s.excitations:
-        for name in others:
+        for name in refused:
             if getattr(drive, name) is not None:
-                yield f'{key}.{name} does not go with plate.kind = "{s.plate.kind}", allowed is {", ".join(own)}'
+                yield f'{key}.{name} does not go with plate.kind = "{s.plate.kind}", allowed is {", ".join(allowed)}'
     if isinstance(s.plate, TrayPlate) and s.plate.tilt_deg and choose_engine(s).method not in ("exact", "joint"):
         yield "plate.tilt_deg", "0 but with parts that are computed without a step"
 

@@ -209,7 +209,7 @@ class Scenario(Table):
         return self
 
     @model_validator(mode="after")
-    def _own_names(self) -> Self:
+    def _names_are_unique(self) -> Self:
         names = self.kind_names
         for i, name in enumerate(names):
             if name in names[:i]:
@@ -230,14 +230,14 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _uncertain_values_are_allowed(self) -> Self:
-        seen: set[str] = set()
+        varied: set[str] = set()
         for key, uncertain in (self.uncertain or {}).items():
             keys = (key, *uncertain.also)
             for name in keys:
                 _check_variable(name)
-                if name in seen:
+                if name in varied:
                     raise ValueError(f"uncertain holds {name} twice, allowed is each key once")
-                seen.add(name)
+                varied.add(name)
             for value in uncertain.extremes:
                 self._check_changed(dict.fromkeys(keys, value), key)
         return self
@@ -251,8 +251,8 @@ class Scenario(Table):
             first, value = error.errors()[0], changes[key]
             message = "there is no such key" if first["type"] == "extra_forbidden" else first["msg"]
             message = message.removeprefix("Value error, ").replace("Input should be", "allowed is")
-            shown = f"{value:.6g}" if isinstance(value, float) else repr(value)
-            raise ValueError(f"uncertain.{key} may be {shown}: {message}") from None
+            value_text = f"{value:.6g}" if isinstance(value, float) else repr(value)
+            raise ValueError(f"uncertain.{key} may be {value_text}: {message}") from None
         except InputError as error:
             raise ValueError(f"uncertain.{key}: {error.key}: {error.problem}") from None
 

@@ -150,8 +150,8 @@ class Schedule(Table):
         names = self.stage_names
         for i, name in enumerate(self.sequence or ()):
             if name not in names:
-                known = ", ".join(names)
-                raise ValueError(f'sequence[{i}] is "{name}"{nearest(name, names)}, allowed are the stages {known}')
+                allowed = ", ".join(names)
+                raise ValueError(f'sequence[{i}] is "{name}"{nearest(name, names)}, allowed are the stages {allowed}')
         for i, name in enumerate(names if self.sequence else ()):
             if name in names[:i]:
                 raise ValueError(f'stage[{i}].name is "{name}", allowed is a name of its own with sequence')

@@ -36,12 +36,12 @@ def key_texts() -> dict[str, dict[str, str]]:
 
 def meaning_of(table: type[BaseModel], key: str) -> str:
     """What a key means: the table's own words, or those of `keys.toml` for it or for a class it comes from; or ""."""
-    own = table.model_fields[key].description
-    if own:
-        return own
+    description = table.model_fields[key].description
+    if description:
+        return description
     for base in table.__mro__:
         if text := key_texts().get(base.__name__, {}).get(key):
-            return CONSTANT.sub(lambda found: _constant(*found.groups()), text)
+            return CONSTANT.sub(lambda match: _constant(*match.groups()), text)
     return ""
 
 
@@ -82,12 +82,12 @@ def _plain(value: Any) -> Any:
         return [_plain(entry) for entry in value]
     if not isinstance(value, dict):
         return value
-    held = {key: _plain(entry) for key, entry in value.items() if not _superfluous(key, entry)}
-    some = [entry for entry in held.get("anyOf", ()) if entry != {"type": "null"}]
-    if "anyOf" in held and len(some) < len(held["anyOf"]):
-        del held["anyOf"]
-        held = {**held, "anyOf": some} if len(some) > 1 else {**some[0], **held}
-    return held
+    schema = {key: _plain(entry) for key, entry in value.items() if not _superfluous(key, entry)}
+    alternatives = [entry for entry in schema.get("anyOf", ()) if entry != {"type": "null"}]
+    if "anyOf" in schema and len(alternatives) < len(schema["anyOf"]):
+        del schema["anyOf"]
+        schema = {**schema, "anyOf": alternatives} if len(alternatives) > 1 else {**alternatives[0], **schema}
+    return schema
 
 
 def _superfluous(key: str, entry: Any) -> bool:
@@ -99,13 +99,13 @@ def _superfluous(key: str, entry: Any) -> bool:
 def _tables_below(table: type[BaseModel]) -> Iterator[type[BaseModel]]:
     """A table and all that it may hold."""
     seen: set[type[BaseModel]] = set()
-    waiting = [table]
-    while waiting:
-        found = waiting.pop()
-        if found not in seen:
-            seen.add(found)
-            yield found
-            waiting += [held for info in found.model_fields.values() for held in _tables_in(info.annotation)]
+    stack = [table]
+    while stack:
+        model = stack.pop()
+        if model not in seen:
+            seen.add(model)
+            yield model
+            stack += [nested for info in model.model_fields.values() for nested in _tables_in(info.annotation)]
 
 
 def _tables_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -137,8 +137,8 @@ def _require_tags(value: Any, definitions: dict[str, Any]) -> None:
     elif isinstance(value, dict):
         if tag := value.pop("discriminator", {}).get("propertyName"):
             for choice in value["oneOf"]:
-                held = definitions[choice["$ref"].rpartition("/")[2]]
-                held["required"] = list(dict.fromkeys([tag, *held.get("required", ())]))
+                definition = definitions[choice["$ref"].rpartition("/")[2]]
+                definition["required"] = list(dict.fromkeys([tag, *definition.get("required", ())]))
         for entry in list(value.values()):
             _require_tags(entry, definitions)
 

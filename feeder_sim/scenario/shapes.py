@@ -33,8 +33,8 @@ class HexNut(PartTable):
     @model_validator(mode="after")
     def _size_or_dimensions(self) -> Self:
         dimensions = (self.across_flats_mm, self.height_mm, self.bore_mm)
-        present = [dimension is not None for dimension in dimensions]
-        if any(present) if self.size is not None else not all(present):
+        is_set = [dimension is not None for dimension in dimensions]
+        if any(is_set) if self.size is not None else not all(is_set):
             raise ValueError("give either size or all of across_flats_mm, height_mm, bore_mm")
         if self.bore_mm is not None and self.across_flats_mm is not None and self.bore_mm >= self.across_flats_mm:
             raise ValueError(f"bore_mm is {self.bore_mm}, allowed is less than across_flats_mm")

@@ -28,8 +28,8 @@ def line_of(scenario: Scenario) -> str:
     kinds = zip(scenario.part, scenario.kind_names, strict=True)
     parts = _several([f"{part.count} {name}" for part, name in kinds], "kind")
     duration = [f"{run.duration_s:g} s"] if run.duration_s is not None else []
-    held = [f"{scenario.plate.kind} plate", motion, parts, *duration, counted(run.seeds, "seed")]
-    return f"<Scenario{title}: {', '.join(held)}>"
+    items = [f"{scenario.plate.kind} plate", motion, parts, *duration, counted(run.seeds, "seed")]
+    return f"<Scenario{title}: {', '.join(items)}>"
 
 
 def html_of(scenario: Scenario) -> str:
@@ -37,15 +37,15 @@ def html_of(scenario: Scenario) -> str:
     import tomli_w
 
     text = tomli_w.dumps(written(scenario))
-    return block(line_of(scenario)[1:-1], _LIST.sub(lambda found: f"[{' '.join(found[1].split())}]", text).splitlines())
+    return block(line_of(scenario)[1:-1], _LIST.sub(lambda match: f"[{' '.join(match[1].split())}]", text).splitlines())
 
 
 def written(value: Any) -> Any:
     """A value as a file has it; of tables what differs from the defaults."""
     fields = getattr(type(value), "model_fields", None)
     if fields is not None:
-        shown = {name: getattr(value, name) for name, field in fields.items() if name in NAMED or differs(value, name)}
-        return {name: written(entry) for name, entry in shown.items() if entry is not None}
+        items = {name: getattr(value, name) for name, field in fields.items() if name in NAMED or differs(value, name)}
+        return {name: written(entry) for name, entry in items.items() if entry is not None}
     if isinstance(value, Mapping):
         return {key: written(entry) for key, entry in value.items()}
     if isinstance(value, tuple | list):

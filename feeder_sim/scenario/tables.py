@@ -76,7 +76,7 @@ _OUTSIDE_KEYS = re.compile(
     r"""\"{3}.*?\"{3}|'{3}.*?'{3}|"(?:\\.|[^"\\\n])*"|'[^'\n]*'|\#[^\n]*|[=,{}\[\]\n]""", re.DOTALL
 )
 LONGEST_TEXT = 2_000_000  # bytes; the longest scenarios have thousands of lines
-LARGEST_WHOLE = 10**300  # nothing that is checked here reaches it, and it can still be shown
+LARGEST_INTEGER = 10**300  # nothing that is checked here reaches it, and it can still be shown
 
 
 def read_text(path: Path, longest: int = LONGEST_TEXT) -> str:
@@ -86,12 +86,12 @@ def read_text(path: Path, longest: int = LONGEST_TEXT) -> str:
         InputError: missing, unreadable, too long, or no file but a folder, a device or a pipe, which may never end.
     """
     try:
-        held = path.stat()
-        if not stat.S_ISREG(held.st_mode):
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
             raise InputError("is no file, allowed is a text file", file=path)
-        if held.st_size > longest:
+        if status.st_size > longest:
             raise InputError(
-                f"is {held.st_size / 1e6:.1f} MB long, allowed are up to {longest / 1e6:g} MB of text", file=path
+                f"is {status.st_size / 1e6:.1f} MB long, allowed are up to {longest / 1e6:g} MB of text", file=path
             )
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:
@@ -161,7 +161,7 @@ def _refuse_absurd(raw: dict[str, Any], file: Path) -> None:
             stack += [(f"{key}.{name}" if key else str(name), depth + 1, entry) for name, entry in value.items()]
         elif isinstance(value, list | tuple):
             stack += [(f"{key}[{i}]", depth + 1, entry) for i, entry in enumerate(value)]
-        elif isinstance(value, int) and abs(value) > LARGEST_WHOLE:
+        elif isinstance(value, int) and abs(value) > LARGEST_INTEGER:
             raise InputError("is a whole number of more than 300 digits, allowed are fewer", file=file, key=key)
 
 
@@ -201,8 +201,8 @@ def first_error(error: ValidationError, root: type[BaseModel], file: Path) -> In
         tag = str(context.get("discriminator", "")).strip("'")
         tag = "kind" if tag.endswith("()") else tag  # found by a function, which has no name to show
         key = f"{key}.{tag}" if tag else key
-        found = shortened(str(context.get("tag", "missing")))
-        problem = f"is {found}, allowed is {context.get('expected_tags', 'one kind')}"
+        tag_text = shortened(str(context.get("tag", "missing")))
+        problem = f"is {tag_text}, allowed is {context.get('expected_tags', 'one kind')}"
     else:
         problem = f"is {quoted(first['input'])}, {_lower(first['msg'])}"
     more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
@@ -210,13 +210,13 @@ def first_error(error: ValidationError, root: type[BaseModel], file: Path) -> In
 
 
 def _lower(message: str) -> str:
-    message = _TABLE_WANTED.sub("allowed is a table", message)
-    for words, plainly in _PLAIN_WORDS.items():
-        message = message.replace(words, plainly)
+    message = _TABLE_EXPECTED.sub("allowed is a table", message)
+    for phrase, replacement in _PLAIN_WORDS.items():
+        message = message.replace(phrase, replacement)
     return message
 
 
-_TABLE_WANTED = re.compile(r"Input should be a valid dictionary or (object to extract fields from|instance of \w+)")
+_TABLE_EXPECTED = re.compile(r"Input should be a valid dictionary or (object to extract fields from|instance of \w+)")
 _PLAIN_WORDS = {
     "Input should be a valid tuple": "allowed is a list (a table that may repeat is written [[...]])",
     "Input should be": "allowed is",
@@ -261,18 +261,18 @@ class _Variants(dict[Any, type[BaseModel]]):
 
 
 def _variants(annotation: Any) -> _Variants:
-    found = _Variants()
+    variants = _Variants()
     stack = [annotation]
     while stack:
         item = stack.pop()
         if isinstance(item, type) and issubclass(item, BaseModel):
-            found.only = item
-            found[item.__name__] = item
+            variants.only = item
+            variants[item.__name__] = item
             # tags of a choice between a name and a table, or between a table and a list of them
-            found["table"] = found["list"] = item
+            variants["table"] = variants["list"] = item
             for tag in ("kind", "shape"):
                 if tag in item.model_fields:
-                    found[get_args(item.model_fields[tag].annotation)[0]] = item
+                    variants[get_args(item.model_fields[tag].annotation)[0]] = item
         elif get_origin(item) is not None:
             stack += list(get_args(item))
-    return found
+    return variants

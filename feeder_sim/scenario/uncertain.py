@@ -27,13 +27,13 @@ def by_full_key(value: Any) -> Any:
     """The table by dotted keys, also where they are written without quotes, so that TOML makes tables of them."""
     if not isinstance(value, Mapping):
         return value
-    found: dict[str, Any] = {}
+    by_key: dict[str, Any] = {}
     for name, entry in value.items():
         if isinstance(entry, Mapping) and entry and all(isinstance(inner, Mapping) for inner in entry.values()):
-            found |= {full_key(f"{name}.{key}"): inner for key, inner in by_full_key(entry).items()}
+            by_key |= {full_key(f"{name}.{key}"): inner for key, inner in by_full_key(entry).items()}
         else:
-            found[full_key(str(name))] = entry
-    return found
+            by_key[full_key(str(name))] = entry
+    return by_key
 
 
 class Uncertain(Table):
@@ -77,12 +77,12 @@ class Uncertain(Table):
     @model_validator(mode="after")
     def _one_distribution(self) -> Self:
         kinds = ("uniform", "log_uniform", "normal", "choice")
-        given = [kind for kind in kinds if getattr(self, kind) is not None]
-        if len(given) != 1:
-            raise ValueError(f"exactly one of {', '.join(kinds)} is needed, here are {len(given)}")
+        distributions = [kind for kind in kinds if getattr(self, kind) is not None]
+        if len(distributions) != 1:
+            raise ValueError(f"exactly one of {', '.join(kinds)} is needed, here are {len(distributions)}")
         if self.choice is None and not self.ends[0] < self.ends[1]:
-            what = "a standard deviation above 0" if self.normal else "[low, high] with low < high"
-            raise ValueError(f"{given[0]} is {list(getattr(self, given[0]))}, allowed is {what}")
+            allowed = "a standard deviation above 0" if self.normal else "[low, high] with low < high"
+            raise ValueError(f"{distributions[0]} is {list(getattr(self, distributions[0]))}, allowed is {allowed}")
         if self.log_uniform is not None and self.log_uniform[0] <= 0.0:
             raise ValueError(f"log_uniform begins at {self.log_uniform[0]:g}, allowed is above 0")
         return self

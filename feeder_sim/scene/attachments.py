@@ -23,7 +23,7 @@ from feeder_sim.scenario import BondedLayer, PlateFile, resolve_material
 from feeder_sim.scenario import Support as SupportTable
 
 if TYPE_CHECKING:
-    from feeder_sim.plate.elements.mindlin import Support as Held
+    from feeder_sim.plate.elements.mindlin import Support as ElementSupport
 
 SPREAD = 24  # points along a line or a side of an area, between which a spring is shared out
 TOUCHING = 1e-6  # [m]; patches that overlap by less are side by side
@@ -57,7 +57,7 @@ def build_actuators(
     return tuple(actuators)
 
 
-def with_actuators(held: ModeFile, tables: Sequence[ActuatorTable]) -> ModeFile:
+def with_actuators(mode_file: ModeFile, tables: Sequence[ActuatorTable]) -> ModeFile:
     """Imported modes with actuators, whose places are in the coordinates of the file that the modes come from.
 
     The modes are taken to be those of the plate with its patches.
@@ -67,10 +67,10 @@ def with_actuators(held: ModeFile, tables: Sequence[ActuatorTable]) -> ModeFile:
     """
     from shapely import Polygon, box
 
-    modes = held.modes
+    modes = mode_file.modes
     half_x, half_y = 0.5 * modes.plate.length, 0.5 * modes.plate.width
     area = modes.outline.polygon if modes.outline else box(-half_x, -half_y, half_x, half_y)
-    x, y = held.origin.shift if held.origin else (0.0, 0.0)
+    x, y = mode_file.origin.shift if mode_file.origin else (0.0, 0.0)
     moved = [
         table.model_copy(update={"at_mm": (table.at_mm[0] + 1e3 * x, table.at_mm[1] + 1e3 * y)}) for table in tables
     ]
@@ -84,7 +84,7 @@ def with_actuators(held: ModeFile, tables: Sequence[ActuatorTable]) -> ModeFile:
             )
     actuators = build_actuators(moved, modes.plate, loaded=True)
     _check_apart({f"actuator[{i}]": actuator.layer for i, actuator in enumerate(actuators)})
-    return replace(held, actuators=actuators, force_per_volt=modal_force_table(modes, actuators))
+    return replace(mode_file, actuators=actuators, force_per_volt=modal_force_table(modes, actuators))
 
 
 def build_attachments(
@@ -126,10 +126,10 @@ def check_within(outline: Outline, actuators: Sequence[Actuator], attachments: S
 
     layers = {f"actuator[{i}]": actuator.layer for i, actuator in enumerate(actuators)}
     patches = list(layers.values())
-    bars = [each for each in attachments if isinstance(each, Layer) and each not in patches]
+    bars = [attachment for attachment in attachments if isinstance(attachment, Layer) and attachment not in patches]
     layers |= {f"bar[{i}]": layer for i, layer in enumerate(bars)}
     places = {f"{key}.at_mm": Polygon(layer.corners(TOUCHING)) for key, layer in layers.items()}
-    masses = [each for each in attachments if isinstance(each, PointMass)]
+    masses = [attachment for attachment in attachments if isinstance(attachment, PointMass)]
     places |= {f"mass[{i}].at_mm": Point(mass.centre) for i, mass in enumerate(masses)}
     for key, place in places.items():
         if not outline.polygon.covers(place):
@@ -141,7 +141,7 @@ def check_within(outline: Outline, actuators: Sequence[Actuator], attachments: S
             )
 
 
-def build_supports(tables: Sequence[SupportTable], outline: Outline) -> tuple[Held, ...]:
+def build_supports(tables: Sequence[SupportTable], outline: Outline) -> tuple[ElementSupport, ...]:
     """What carries a plate.
 
     Raises:
@@ -153,8 +153,8 @@ def build_supports(tables: Sequence[SupportTable], outline: Outline) -> tuple[He
     for i, table in enumerate(tables):
         place = _place(table)
         points = _spread(place)
-        here = outline.polygon.buffer(TOUCHING).covers(place)
-        if not here and not (place.area > 0.0 and outline.polygon.intersection(place).area > 0.0):
+        is_on_plate = outline.polygon.buffer(TOUCHING).covers(place)
+        if not is_on_plate and not (place.area > 0.0 and outline.polygon.intersection(place).area > 0.0):
             x, y = table.at_mm
             raise InputError(
                 f"lies at ({x:g}, {y:g}) mm from the middle of the plate, beside it, allowed is a place on it",
@@ -231,8 +231,8 @@ def _check_apart(layers: dict[str, Layer]) -> None:
     from shapely import Polygon
 
     areas = {key: Polygon(layer.corners(TOUCHING)) for key, layer in layers.items()}
-    for (first, one), (second, other) in combinations(areas.items(), 2):
-        if one.intersects(other):
+    for (first, area), (second, other_area) in combinations(areas.items(), 2):
+        if area.intersects(other_area):
             raise InputError(
                 f"overlaps {first}, allowed are patches and bars side by side, on one side of the plate",
                 key=f"{second}.at_mm",

@@ -54,8 +54,8 @@ def transport_cell(scene: Scene) -> Cell | None:
     the part starts on a nodal line.
     """
     start = scene.scenario.part[0].start
-    rigid, crowd = scene.scenario.plate.kind == "tray", len(scene.parts) > 1
-    if rigid or crowd or scene.scenario.schedule is not None or not isinstance(start, Start | GivenState):
+    is_tray, has_many_parts = scene.scenario.plate.kind == "tray", len(scene.parts) > 1
+    if is_tray or has_many_parts or scene.scenario.schedule is not None or not isinstance(start, Start | GivenState):
         return None
     lines = nodal_lines(scene.surface)
     if not lines.lines:
@@ -85,10 +85,10 @@ def check_stop_rule(scene: Scene, cell: Cell | None) -> None:
     start = scene.scenario.part[0].start
     assert isinstance(start, Start | GivenState)  # transport_cell gives a cell for no other start
     x, y = start.position_mm[:2]
-    way = float(cell.lines.distance(np.array([[x, y]]) * 1e-3)[0]) / cell.reach
-    if way <= PASSAGE_FROM:
+    fraction = float(cell.lines.distance(np.array([[x, y]]) * 1e-3)[0]) / cell.reach
+    if fraction <= PASSAGE_FROM:
         raise InputError(
-            f"is [{x:g}, {y:g}], {way:.2f} of the way from node to antinode, allowed is above {PASSAGE_FROM} "
+            f"is [{x:g}, {y:g}], {fraction:.2f} of the way from node to antinode, allowed is above {PASSAGE_FROM} "
             'with run.stop = "passage"',
             key="part[0].start.position_mm",
         )

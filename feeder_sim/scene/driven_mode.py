@@ -65,14 +65,14 @@ def free_modes(driven: Sequence[DrivenMode]) -> FreeModes:
     for number in sorted(first):
         shape, drive = first[number]
         zeta, w_n = drive.damping_ratio, 2.0 * math.pi * drive.natural_frequency
-        known = float(shape.modes.modal_mass[shape.index]) if isinstance(shape, RitzShape) else math.nan
-        if zeta is None or not math.isfinite(known):
+        modal_mass = float(shape.modes.modal_mass[shape.index]) if isinstance(shape, RitzShape) else math.nan
+        if zeta is None or not math.isfinite(modal_mass):
             raise InputError(
                 f"the mode at {drive.natural_frequency:g} Hz has no modal mass or no damping, allowed with "
                 "run.reaction = true are modes with both",
                 key="plate",
             )
-        mass.append(known)
+        mass.append(modal_mass)
         rate.append(complex(-zeta * w_n, w_n * math.sqrt(1.0 - zeta**2)))
     return FreeModes(np.array(mass), np.array(rate))
 
@@ -123,45 +123,45 @@ class DrivenMode:
         return (self.drive, *(follower.drive for follower in self.followers))
 
 
-def driven_mode(drive: Excitation, key: str, held: ModeFile) -> DrivenMode:
+def driven_mode(drive: Excitation, key: str, mode_file: ModeFile) -> DrivenMode:
     """Choose the mode of one drive, and its modal amplitude from an amplitude or a voltage; `key` names the drive.
 
     Raises:
         InputError: no such mode or actuator, no gain, or a point where the mode does not move.
     """
-    index = _choose_mode(drive, key, held)
-    driven = _driven(drive, key, held, index)
-    lines = [line for mode, line in far_resonances(held) if mode == index]
-    own = driven.drive.steady_amplitude
-    if driven.left_out is not None and driven.left_out > MUCH_LEFT_OUT * own:
+    index = _choose_mode(drive, key, mode_file)
+    driven = _driven(drive, key, mode_file, index)
+    lines = [line for mode, line in far_resonances(mode_file) if mode == index]
+    amplitude = driven.drive.steady_amplitude
+    if driven.left_out is not None and driven.left_out > MUCH_LEFT_OUT * amplitude:
         lines.append(
-            f"other modes would move by {1e6 * driven.left_out:.3g} um beside the {1e6 * own:.3g} um of the driven "
-            f'one, and are left out; {key}.modes = "all" or a smaller share takes them in'
+            f"other modes would move by {1e6 * driven.left_out:.3g} um beside the {1e6 * amplitude:.3g} um of the "
+            f'driven one, and are left out; {key}.modes = "all" or a smaller share takes them in'
         )
-    every = oscillators(held, drive.damping_ratio)
-    if driven.left_out is not None and not _calibrated(held, index) and every.assumed[index]:
-        lines.append(assumption(every))
+    plate_oscillators = oscillators(mode_file, drive.damping_ratio)
+    if driven.left_out is not None and not _calibrated(mode_file, index) and plate_oscillators.assumed[index]:
+        lines.append(assumption(plate_oscillators))
     return replace(driven, doubt="; ".join(lines))
 
 
-def _calibrated(held: ModeFile, index: int) -> bool:
+def _calibrated(mode_file: ModeFile, index: int) -> bool:
     """Whether the amplitude of a mode over its voltage was measured, so that no damping is needed for it."""
-    return any(r.mode == index and math.isfinite(r.gain) for r in held.resonances)
+    return any(r.mode == index and math.isfinite(r.gain) for r in mode_file.resonances)
 
 
-def _driven(drive: Excitation, key: str, held: ModeFile, index: int) -> DrivenMode:
+def _driven(drive: Excitation, key: str, mode_file: ModeFile, index: int) -> DrivenMode:
     """As `driven_mode`, of a mode that is chosen."""
-    modes = held.modes
-    measured = next((r for r in held.resonances if r.mode == index), None)
-    damping = drive.damping_ratio or float(oscillators(held).damping_ratio[index])
-    label = _label(held, index)
+    modes = mode_file.modes
+    measured = next((r for r in mode_file.resonances if r.mode == index), None)
+    damping = drive.damping_ratio or float(oscillators(mode_file).damping_ratio[index])
+    label = _label(mode_file, index)
     shape = RitzShape(modes, index)
     if drive.voltage_vpp is None:
         level = metres(drive.amplitude_um)
         if drive.at_mm is not None:
             level /= deflection_at(modes, index, (drive.at_mm[0] * 1e-3, drive.at_mm[1] * 1e-3), f"{key}.at_mm")
         return DrivenMode(label, shape, modal_drive(drive, level, damping))
-    names = _actuators(drive, f"mode {index + 1}", key, held, measured)
+    names = _actuators(drive, f"mode {index + 1}", key, mode_file, measured)
     if not names:
         assert measured is not None  # without a gain there is no drive without actuators
         if drive.modes not in (None, "driven"):
@@ -173,45 +173,45 @@ def _driven(drive: Excitation, key: str, held: ModeFile, index: int) -> DrivenMo
         return DrivenMode(
             label, shape, _of_oscillator(drive, level, drive.natural_frequency_hz or measured.frequency, damping)
         )
-    return _actuated(drive, key, held, index, names, damping)
+    return _actuated(drive, key, mode_file, index, names, damping)
 
 
 def _actuated(
-    drive: Excitation, key: str, held: ModeFile, index: int, names: tuple[str, ...], damping: float
+    drive: Excitation, key: str, mode_file: ModeFile, index: int, names: tuple[str, ...], damping: float
 ) -> DrivenMode:
     """The mode of a drive and its followers, from the modal forces of actuators."""
     assert drive.voltage_vpp is not None
-    force = modal_forces(held) @ _volts(drive, held, names)
-    every = oscillators(held)
-    natural, ratio = every.natural_frequency.copy(), every.damping_ratio.copy()
+    force = modal_forces(mode_file) @ _volts(drive, mode_file, names)
+    plate_oscillators = oscillators(mode_file)
+    natural, ratio = plate_oscillators.natural_frequency.copy(), plate_oscillators.damping_ratio.copy()
     natural[index], ratio[index] = drive.natural_frequency_hz or natural[index], damping
-    level = force / (2.0 * ratio * every.modal_mass * (2.0 * math.pi * natural) ** 2)
+    level = force / (2.0 * ratio * plate_oscillators.modal_mass * (2.0 * math.pi * natural) ** 2)
     key_of_names = f"{key}.{'voltage_vpp' if drive.actuator is None else 'actuator'}"
     if abs(force[index]) < NO_FORCE * np.abs(force).max():
         raise InputError(f"is {', '.join(names)}, which does not drive mode {index + 1}", key=key_of_names)
-    indices = [i for i, actuator in enumerate(held.actuators) if actuator.name in names]
-    drives = [_of_oscillator(drive, *each) for each in zip(level, natural, ratio, strict=True)]
-    amplitude = np.array([each.steady_amplitude for each in drives])
-    own = amplitude[index]
+    indices = [i for i, actuator in enumerate(mode_file.actuators) if actuator.name in names]
+    drives = [_of_oscillator(drive, *oscillator) for oscillator in zip(level, natural, ratio, strict=True)]
+    amplitude = np.array([oscillation.steady_amplitude for oscillation in drives])
+    driven_amplitude = amplitude[index]
     amplitude[index] = 0.0
-    chosen = FOLLOWS if drive.modes is None else drive.modes
-    least = {"driven": math.inf, "all": 0.0}[chosen] if isinstance(chosen, str) else chosen
-    follows = (amplitude > 0.0) & (amplitude >= least * own)
+    share = FOLLOWS if drive.modes is None else drive.modes
+    threshold = {"driven": math.inf, "all": 0.0}[share] if isinstance(share, str) else share
+    is_follower = (amplitude > 0.0) & (amplitude >= threshold * driven_amplitude)
     return DrivenMode(
-        label=_label(held, index),
-        shape=RitzShape(held.modes, index),
+        label=_label(mode_file, index),
+        shape=RitzShape(mode_file.modes, index),
         drive=drives[index],
-        followers=tuple(Follower(RitzShape(held.modes, int(j)), drives[j]) for j in np.flatnonzero(follows)),
-        left_out=float(np.linalg.norm(amplitude[~follows])),
-        bounds=amplitude_bounds(held, oscillators(held, drive.damping_ratio), index, indices),
+        followers=tuple(Follower(RitzShape(mode_file.modes, int(j)), drives[j]) for j in np.flatnonzero(is_follower)),
+        left_out=float(np.linalg.norm(amplitude[~is_follower])),
+        bounds=amplitude_bounds(mode_file, oscillators(mode_file, drive.damping_ratio), index, indices),
     )
 
 
-def _volts(drive: Excitation, held: ModeFile, names: tuple[str, ...]) -> NDArray[np.complex128]:
+def _volts(drive: Excitation, mode_file: ModeFile, names: tuple[str, ...]) -> NDArray[np.complex128]:
     """Complex amplitude of every actuator of a plate [V]."""
     assert drive.voltage_vpp is not None
     phases = np.radians(drive.actuator_phase_deg or (0.0,) * len(names))
-    return voltages(held, names, 0.5 * drive.voltage_vpp, phases.tolist())
+    return voltages(mode_file, names, 0.5 * drive.voltage_vpp, phases.tolist())
 
 
 def _of_oscillator(drive: Excitation, level: complex, natural_frequency: float, damping_ratio: float) -> ModalDrive:
@@ -233,49 +233,51 @@ def _of_oscillator(drive: Excitation, level: complex, natural_frequency: float, 
     return replace(ringing, amplitude=ringing.steady_amplitude, phase=phase, damping_ratio=None)
 
 
-def _actuators(drive: Excitation, mode: str, key: str, held: ModeFile, measured: Resonance | None) -> tuple[str, ...]:
+def _actuators(
+    drive: Excitation, mode: str, key: str, mode_file: ModeFile, measured: Resonance | None
+) -> tuple[str, ...]:
     """Names of the actuators behind a voltage; none for a gain that was measured with unknown ones.
 
     Raises:
         InputError: an unknown name, or neither a gain nor an actuator that could be meant.
     """
-    known = [actuator.name for actuator in held.actuators]
+    actuator_names = [actuator.name for actuator in mode_file.actuators]
     if drive.actuator is not None:
         for name in drive.actuator:
-            if name not in known:
-                raise Unknown(name, known, key=f"{key}.actuator")
+            if name not in actuator_names:
+                raise Unknown(name, actuator_names, key=f"{key}.actuator")
         if len(set(drive.actuator)) < len(drive.actuator):
             raise InputError("names an actuator twice, allowed is once", key=f"{key}.actuator")
         return drive.actuator
     if measured is not None and math.isfinite(measured.gain):
         return measured.actuators
-    if len(known) == 1:
-        return (known[0],)
-    gains = ", ".join(f"{r.frequency:g}" for r in held.resonances if math.isfinite(r.gain))
+    if len(actuator_names) == 1:
+        return (actuator_names[0],)
+    gains = ", ".join(f"{r.frequency:g}" for r in mode_file.resonances if math.isfinite(r.gain))
     allowed = [f"the resonances at {gains} Hz"] if gains else []
-    allowed += [f"actuator = [...] of {', '.join(known)}"] if known else []
+    allowed += [f"actuator = [...] of {', '.join(actuator_names)}"] if actuator_names else []
     raise InputError(
         f"{mode} has no measured gain, allowed is {' or '.join(allowed) or 'amplitude_um'}", key=f"{key}.voltage_vpp"
     )
 
 
-def _label(held: ModeFile, index: int) -> str:
-    kind = "imported" if held.origin else "computed"
-    return f"mode {index + 1}, {held.modes.natural_frequency[index]:.1f} Hz {kind}"
+def _label(mode_file: ModeFile, index: int) -> str:
+    kind = "imported" if mode_file.origin else "computed"
+    return f"mode {index + 1}, {mode_file.modes.natural_frequency[index]:.1f} Hz {kind}"
 
 
-def _choose_mode(drive: Excitation, key: str, held: ModeFile) -> int:
-    modes = held.modes
+def _choose_mode(drive: Excitation, key: str, mode_file: ModeFile) -> int:
+    modes = mode_file.modes
     frequencies = modes.natural_frequency
     if drive.mode is not None:
         if drive.mode > len(modes):
             raise InputError(f"is {drive.mode}, allowed is 1 to {len(modes)}", key=f"{key}.mode")
-        resonances = [frequencies[drive.mode - 1], *(r.frequency for r in held.resonances if r.mode == drive.mode - 1)]
-        off = min(abs(resonance / drive.frequency_hz - 1.0) for resonance in resonances)
-        if drive.natural_frequency_hz is None and off > MODE_MATCH:
-            lies = " Hz, or ".join(f"{resonance:.1f}" for resonance in resonances)
+        peaks = [frequencies[drive.mode - 1], *(r.frequency for r in mode_file.resonances if r.mode == drive.mode - 1)]
+        deviation = min(abs(peak / drive.frequency_hz - 1.0) for peak in peaks)
+        if drive.natural_frequency_hz is None and deviation > MODE_MATCH:
+            frequency_text = " Hz, or ".join(f"{peak:.1f}" for peak in peaks)
             raise InputError(
-                f"is {drive.frequency_hz:g}, but mode {drive.mode} lies at {lies} Hz; allowed is within "
+                f"is {drive.frequency_hz:g}, but mode {drive.mode} lies at {frequency_text} Hz; allowed is within "
                 f"{MODE_MATCH:.0%} of it, or a natural_frequency_hz to drive it off resonance",
                 key=f"{key}.frequency_hz",
             )
@@ -288,13 +290,13 @@ def _choose_mode(drive: Excitation, key: str, held: ModeFile) -> int:
             key=f"{key}.{name}",
         )
     index = int(np.argmin(np.abs(frequencies - target)))
-    near = abs(frequencies[index] / target - 1.0) <= MODE_MATCH
-    named = drive.actuator is not None or len(held.actuators) == 1
-    if drive.voltage_vpp is not None and drive.natural_frequency_hz is None and (near or named):
-        measured = next((r for r in held.resonances if r.mode == index), None)
-        names = _actuators(drive, f"mode {index + 1}", key, held, measured)
-        return _strongest(drive, held, names) if names else index
-    if not near:
+    is_near = abs(frequencies[index] / target - 1.0) <= MODE_MATCH
+    has_actuator = drive.actuator is not None or len(mode_file.actuators) == 1
+    if drive.voltage_vpp is not None and drive.natural_frequency_hz is None and (is_near or has_actuator):
+        measured = next((r for r in mode_file.resonances if r.mode == index), None)
+        names = _actuators(drive, f"mode {index + 1}", key, mode_file, measured)
+        return _strongest(drive, mode_file, names) if names else index
+    if not is_near:
         raise InputError(
             f"is {target:g}, no mode within {MODE_MATCH:.0%}; the nearest is mode {index + 1} at "
             f"{frequencies[index]:.1f} Hz (or name a mode)",
@@ -303,11 +305,11 @@ def _choose_mode(drive: Excitation, key: str, held: ModeFile) -> int:
     return index
 
 
-def _strongest(drive: Excitation, held: ModeFile, names: tuple[str, ...]) -> int:
+def _strongest(drive: Excitation, mode_file: ModeFile, names: tuple[str, ...]) -> int:
     """The mode that a voltage moves most at its frequency."""
-    every = oscillators(held)
-    force = modal_forces(held) @ _volts(drive, held, names)
-    return int(np.abs(every.modal_coordinates(np.array([drive.frequency_hz]), force)[0]).argmax())
+    plate_oscillators = oscillators(mode_file)
+    force = modal_forces(mode_file) @ _volts(drive, mode_file, names)
+    return int(np.abs(plate_oscillators.modal_coordinates(np.array([drive.frequency_hz]), force)[0]).argmax())
 
 
 def modal_drive(drive: Excitation, amplitude: float, damping_ratio: float = DEFAULT_DAMPING_RATIO) -> ModalDrive:

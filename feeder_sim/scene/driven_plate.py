@@ -62,11 +62,11 @@ def assemble_plate(scenario: Scenario) -> DrivenPlate:
     if isinstance(plate, Strip):
         return _strip(plate, scenario.excitations, times)
     if isinstance(plate, Rectangle | ModePlate | BendingPlate):
-        held = _modes_for(plate, scenario.excitations)
-        if held.modes.outline is not None:
+        mode_file = _modes_for(plate, scenario.excitations)
+        if mode_file.modes.outline is not None:
             for problem in lines_of(scenario, plate_with_outline):
                 raise InputError(problem)
-        return _from_modes(held, scenario.excitations, times)
+        return _from_modes(mode_file, scenario.excitations, times)
     if isinstance(plate, StillPlate):
         return _still(plate)
     if isinstance(plate, TrayPlate):
@@ -130,9 +130,9 @@ def _still(plate: StillPlate) -> DrivenPlate:
     return DrivenPlate(surface, ())
 
 
-def _from_modes(held: ModeFile, drives: Excitations, times: Timetable) -> DrivenPlate:
-    modes = held.modes
-    driven = [driven_mode(drive, key, held) for key, drive in drives]
+def _from_modes(mode_file: ModeFile, drives: Excitations, times: Timetable) -> DrivenPlate:
+    modes = mode_file.modes
+    driven = [driven_mode(drive, key, mode_file) for key, drive in drives]
     highest = [float(modes.natural_frequency[_indices(mode)].max()) for mode in driven]
     key, drive = drives[int(np.argmax(highest))]
     try:
@@ -140,8 +140,8 @@ def _from_modes(held: ModeFile, drives: Excitations, times: Timetable) -> Driven
     except ValueError as error:
         raise InputError(f"is {drive.frequency_hz:g}, {error}", key=f"{key}.frequency_hz") from error
     size = (modes.plate.length, modes.plate.width, modes.plate.thickness)
-    placed = _tabulated(driven, drives, times, *size, shortest)
-    return replace(placed, surface=replace(placed.surface, outline=modes.outline))
+    tabulated = _tabulated(driven, drives, times, *size, shortest)
+    return replace(tabulated, surface=replace(tabulated.surface, outline=modes.outline))
 
 
 def _indices(mode: DrivenMode) -> list[int]:
@@ -161,14 +161,14 @@ def modes_of(plate: BendingPlate, drives: Excitations) -> ModeFile:
     step = 2.0 ** (math.ceil(STEPS * math.log2(ABOVE * highest)) / STEPS) if highest else 0.0
     while True:
         try:
-            held = modes_of_plate(plate.as_file(step))
+            mode_file = modes_of_plate(plate.as_file(step))
         except NoModes as error:
-            held, step = None, max(step, 0.6 * (error.first or 0.0))  # which is doubled below
+            mode_file, step = None, max(step, 0.6 * (error.first or 0.0))  # which is doubled below
         except InputError as error:
             key = error.key or "plate"
             raise InputError(error.problem, key=key if key.startswith("plate") else f"plate.{key}") from error
-        if held is not None and held.modes.natural_frequency[-1] >= highest:
-            return held
+        if mode_file is not None and mode_file.modes.natural_frequency[-1] >= highest:
+            return mode_file
         step *= 2.0  # a small plate, whose modes lie far apart
 
 
@@ -176,22 +176,22 @@ def _modes_for(plate: Rectangle | ModePlate | BendingPlate, drives: Excitations)
     if isinstance(plate, BendingPlate):
         return modes_of(plate, drives)
     if plate.mode_file is not None:
-        held = read_mode_file(plate.mode_file)
-        if held.modes.outline is not None and not isinstance(plate, ModePlate):
+        mode_file = read_mode_file(plate.mode_file)
+        if mode_file.modes.outline is not None and not isinstance(plate, ModePlate):
             raise InputError(
                 'is "rectangle", but the mode file has an outline of its own; allowed with it is "modes"',
                 key="plate.kind",
             )
-        return held
+        return mode_file
     if plate.length_mm is None or plate.width_mm is None or plate.thickness_mm is None:
         raise InputError("length_mm, width_mm and thickness_mm are needed without mode_file", key="plate")
     material = resolve_material(plate.material or "aluminium")
     body = RectangularPlate(plate.length_mm * 1e-3, plate.width_mm * 1e-3, plate.thickness_mm * 1e-3, material)
-    wanted = max(drive.natural_frequency_hz or drive.frequency_hz for _, drive in drives)
+    highest = max(drive.natural_frequency_hz or drive.frequency_hz for _, drive in drives)
     try:
-        modes = plate_modes(body, highest_frequency=wanted * SEARCH_FACTOR)
+        modes = plate_modes(body, highest_frequency=highest * SEARCH_FACTOR)
     except ValueError as error:
-        raise InputError(f"is {wanted:g}, {error}", key=f"{drives[0][0]}.frequency_hz") from error
+        raise InputError(f"is {highest:g}, {error}", key=f"{drives[0][0]}.frequency_hz") from error
     if not len(modes):
         key, drive = drives[0]
         raise InputError(f"is {drive.frequency_hz}, below the first mode of the plate", key=f"{key}.frequency_hz")
@@ -220,17 +220,17 @@ def _tabulated(
     # A mode may be driven many times. The modes of the drives come first, then those that only follow.
     followers = [follower for mode in driven for follower in mode.followers]
     shapes = list(dict.fromkeys([mode.shape for mode in driven] + [follower.shape for follower in followers]))
-    placed = tuple(_numbered(mode, shapes) for mode in driven)
+    numbered = tuple(_numbered(mode, shapes) for mode in driven)
     surface = tabulate(
         shapes,
-        motion_terms(placed, times),
+        motion_terms(numbered, times),
         length=length,
         width=width,
         thickness=thickness,
         wavelength=wavelength,
         uniform_y=uniform_y,
     )
-    return DrivenPlate(surface, placed)
+    return DrivenPlate(surface, numbered)
 
 
 def _numbered(mode: DrivenMode, shapes: list[ModeShape]) -> DrivenMode:

@@ -34,8 +34,8 @@ def check_on_plate(start: Start | Scattered | Heap | Placed | GivenState, surfac
     half = (0.5e3 * surface.length, 0.5e3 * surface.width)
     if isinstance(start, Placed):
         for n, (x, y, _) in enumerate(start.places_mm_deg):
-            off = surface.outline is not None and not surface.outline.holds(1e-3 * np.array([x, y]))
-            if abs(x) > half[0] or abs(y) > half[1] or off:
+            is_off = surface.outline is not None and not surface.outline.holds(1e-3 * np.array([x, y]))
+            if abs(x) > half[0] or abs(y) > half[1] or is_off:
                 message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
                 raise InputError(message, key=f"{key}.places_mm_deg[{n}]")
         return
@@ -45,10 +45,10 @@ def check_on_plate(start: Start | Scattered | Heap | Placed | GivenState, surfac
     if abs(x) > half[0] or abs(y) > half[1]:
         message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
         raise InputError(message, key=f"{key}.{name}")
-    away = math.inf if surface.outline is None else float(surface.outline.distance(1e-3 * np.array([x, y])))
-    if away < 0.0 and not isinstance(start, Scattered):
+    margin = math.inf if surface.outline is None else float(surface.outline.distance(1e-3 * np.array([x, y])))
+    if margin < 0.0 and not isinstance(start, Scattered):
         raise InputError(
-            f"is [{x:g}, {y:g}], {-1e3 * away:.3g} mm off the plate or over a hole, allowed is a place on the plate",
+            f"is [{x:g}, {y:g}], {-1e3 * margin:.3g} mm off the plate or over a hole, allowed is a place on the plate",
             key=f"{key}.{name}",
         )
     size = (0.0, 0.0)
@@ -56,8 +56,8 @@ def check_on_plate(start: Start | Scattered | Heap | Placed | GivenState, surfac
         size, name = (start.diameter_mm, start.diameter_mm), "diameter_mm"
     elif isinstance(start, Scattered) and start.size_mm is not None:
         size, name = start.size_mm, "size_mm"
-    over_edge = isinstance(start, Heap) and 0.5e-3 * start.diameter_mm > away
-    if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1] or over_edge:
+    is_over_edge = isinstance(start, Heap) and 0.5e-3 * start.diameter_mm > margin
+    if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1] or is_over_edge:
         raise InputError(
             f"is {_size_text(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}"
         )
@@ -94,10 +94,10 @@ def check_pick(scene: Scene, pick: Pick, key: str) -> None:
         raise InputError(f"needs the kind whose poses are meant, part: {', '.join(names)}", key=f"{key}.up")
     kind = names.index(pick.part) if pick.part is not None else 0
     poses = scene.poses[kind].names
-    if wrong := [name for name in pick.up if name not in (*poses, *AXES)]:
+    if unknown := [name for name in pick.up if name not in (*poses, *AXES)]:
         of_kind = f"{', '.join(poses)} (poses of {names[kind]}, see feeder-sim part), " if poses else ""
         axes = f"{', '.join(AXES)} (axes as drawn)"
-        raise InputError(f'has "{wrong[0]}", allowed is {of_kind}{axes}', key=f"{key}.up")
+        raise InputError(f'has "{unknown[0]}", allowed is {of_kind}{axes}', key=f"{key}.up")
 
 
 def check_picks(scene: Scene) -> None:
@@ -113,11 +113,11 @@ def check_picks(scene: Scene) -> None:
     least = 2.0 * scene.frame_interval
     last = len(schedule.order) - 1 if schedule and scene.scenario.refill else None  # of a cycle, before a refill
     for stage in scene.times.stages:
-        refilled = 0 < stage.cycle < scene.times.stages[-1].cycle and stage.number == last
-        if stage.until and (stage.picks or refilled) and stage.end - stage.stop < least:
-            what = "pick" if stage.picks else "a refill after it"
+        is_refilled = 0 < stage.cycle < scene.times.stages[-1].cycle and stage.number == last
+        if stage.until and (stage.picks or is_refilled) and stage.end - stage.stop < least:
+            event = "pick" if stage.picks else "a refill after it"
             raise InputError(
-                f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and {what}",
+                f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and {event}",
                 key=f"schedule.{_stage_key(schedule, stage)}.pause_s",
             )
 
@@ -160,10 +160,10 @@ def check_in_tube(spec: PartSpec, part: RigidPart, i: int) -> None:
         return
     tilt = math.radians(max(abs(angle) for angle in spec.start.tilt_deg or UPRIGHT))
     reach = np.hypot(*part.corners[:, :2].T) * math.cos(tilt) + np.abs(part.corners[:, 2]) * math.sin(tilt)
-    needed = 2e3 * float(reach.max() + part.corner_radius)
-    if needed > spec.guide.inner_diameter_mm * (1.0 + DIAMETER_ROUND_OFF):
+    least = 2e3 * float(reach.max() + part.corner_radius)
+    if least > spec.guide.inner_diameter_mm * (1.0 + DIAMETER_ROUND_OFF):
         raise InputError(
-            f"is {spec.guide.inner_diameter_mm:g}, allowed is at least {needed:.4g}, which the part takes at its start",
+            f"is {spec.guide.inner_diameter_mm:g}, allowed is at least {least:.4g}, which the part takes at its start",
             key=f"part[{i}].guide.inner_diameter_mm",
         )
 

@@ -42,8 +42,8 @@ def check_apart(scene: Scene, part: int, place: Place, before: Sequence[Place], 
     """
     if _is_hull(scene, part):
         return
-    for other, taken in enumerate(before):
-        if not _is_hull(scene, other) and parts_overlap(scene.parts[part], place, scene.parts[other], taken):
+    for other, other_place in enumerate(before):
+        if not _is_hull(scene, other) and parts_overlap(scene.parts[part], place, scene.parts[other], other_place):
             raise InputError(f"overlaps {scene.parts[other].name}, allowed is a place of its own", key=key)
 
 
@@ -96,21 +96,21 @@ def overlaps(scene: Scene, places: Sequence[Place | None]) -> dict[str, tuple[fl
 
     The hulls of parts, the wall of the rim, and the plate, which may be off its rest at the start.
     """
-    found: dict[str, tuple[float, str]] = {}
+    deepest: dict[str, tuple[float, str]] = {}
 
     def note(what: str, depth: float, name: str) -> None:
-        if depth > max(ROUND_OFF, found.get(what, (0.0, ""))[0]):
-            found[what] = depth, name
+        if depth > max(ROUND_OFF, deepest.get(what, (0.0, ""))[0]):
+            deepest[what] = depth, name
 
-    there = [(i, place) for i, place in enumerate(places) if place is not None]
-    for i, place in there:
+    present = [(i, place) for i, place in enumerate(places) if place is not None]
+    for i, place in present:
         name = scene.parts[i].name
         if scene.rim:
             note("the wall of the rim", max(_rim_depths(scene, i, place)[0]), name)
         depth = _plate_depth(scene, i, place)
         if depth > LEAST_IN_PLATE:
             note("the plate, which is off its rest then", depth, name)
-    return found
+    return deepest
 
 
 def reaching_hulls(scene: Scene, places: Sequence[Place]) -> list[tuple[str, str, float]]:
@@ -184,8 +184,8 @@ def _parted(a: NDArray[np.float64], b: NDArray[np.float64], apart: float) -> boo
     length = float(np.linalg.norm(between))
     if length > 0.0:  # what touches has no gap, which no plane would part for sure; moved away by so little it has one
         b = b + ROUND_OFF / length * between
-    wanted = apart + LEAST_GAP
-    if (a.min(axis=0) - b.max(axis=0) > wanted).any() or (b.min(axis=0) - a.max(axis=0) > wanted).any():
+    least_gap = apart + LEAST_GAP
+    if (a.min(axis=0) - b.max(axis=0) > least_gap).any() or (b.min(axis=0) - a.max(axis=0) > least_gap).any():
         return True
     centre, size = b.mean(axis=0), max(float(np.ptp(np.concatenate([a, b]), axis=0).max()), 1e-9)
     # Unknown are a normal n, |n| <= 1 in each axis, an offset d and half the gap t: n . a <= d - t and n . b >= d + t.
@@ -201,4 +201,4 @@ def _parted(a: NDArray[np.float64], b: NDArray[np.float64], apart: float) -> boo
     )
     if plane.x is None:
         return False
-    return bool(2.0 * plane.x[4] * size > wanted * np.linalg.norm(plane.x[:3]))
+    return bool(2.0 * plane.x[4] * size > least_gap * np.linalg.norm(plane.x[:3]))

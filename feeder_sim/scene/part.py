@@ -28,14 +28,14 @@ def zener_inelasticities(scene: Scene) -> NDArray[np.float64]:
     Raises:
         InputError: a part that is no ball, a plate without a material, or an orthotropic material.
     """
-    plate, found = _slab(scene), []
+    plate, inelasticities = _slab(scene), []
     for i, spec in enumerate(scene.scenario.part):
         if not isinstance(spec, Ball):
             raise InputError(
                 f'is "{spec.shape}", allowed is "ball" with contact.restitution = "zener"', key=f"part[{i}]"
             )
-        found.append(inelasticity(resolve_material(spec.material), 0.5e-3 * spec.diameter_mm, plate))
-    return np.array(found)
+        inelasticities.append(inelasticity(resolve_material(spec.material), 0.5e-3 * spec.diameter_mm, plate))
+    return np.array(inelasticities)
 
 
 def _slab(scene: Scene) -> RectangularPlate:

@@ -24,7 +24,7 @@ from feeder_sim.scene.attachments import build_actuators, build_attachments, bui
 from feeder_sim.scene.outlines import outline_of
 
 Moved = TypeVar("Moved", ActuatorTable, Bar, Mass, Support, MeasuredResonance)
-HIGHEST_LOOKED_AT = 1e7  # [Hz], for the first mode of a plate that has none up to its highest frequency
+HIGHEST_SEARCHED = 1e7  # [Hz], for the first mode of a plate that has none up to its highest frequency
 RESONANCE_MATCH = 0.02  # largest relative difference between a measured resonance and its computed mode
 
 
@@ -67,17 +67,17 @@ def compute_modes(file: PlateFile) -> ModeFile:
         raise refusal
     resonances = tuple(_matched(measured, i, modes) for i, measured in enumerate(file.resonance))
     for i, resonance in enumerate(resonances):
-        same = [k for k in range(i) if resonances[k].mode == resonance.mode]
-        if same:
+        prior = [k for k in range(i) if resonances[k].mode == resonance.mode]
+        if prior:
             raise InputError(
-                f"is {resonance.frequency:g}, and belongs to mode {resonance.mode + 1} as resonance[{same[0]}] does; "
+                f"is {resonance.frequency:g}, and belongs to mode {resonance.mode + 1} as resonance[{prior[0]}] does; "
                 "allowed is one of each mode (or name the mode)",
                 key=f"resonance[{i}].frequency_hz",
             )
     damping = None if body.damping_ratio is None else body.damping_ratio + loss
-    held = ModeFile(modes, resonances, actuators, modal_force_table(modes, actuators), damping_ratio=damping)
-    modal_forces(held)  # refuses gains that cannot be those of their actuators
-    return held
+    mode_file = ModeFile(modes, resonances, actuators, modal_force_table(modes, actuators), damping_ratio=damping)
+    modal_forces(mode_file)  # refuses gains that cannot be those of their actuators
+    return mode_file
 
 
 def shift_of(file: PlateFile) -> NDArray[np.float64]:
@@ -141,7 +141,7 @@ def _first_frequency(
     speed = plate.thickness * math.sqrt(stiff / (12.0 * dense * (1.0 - plate.material.poisson_ratio**2)))
     highest = max(file.plate.highest_frequency_hz, 0.5 * math.pi * speed / max(outline.size) ** 2)
     with contextlib.suppress(ValueError):
-        while highest < HIGHEST_LOOKED_AT:
+        while highest < HIGHEST_SEARCHED:
             highest *= 2.0
             body = file.plate.model_copy(update={"highest_frequency_hz": highest})
             modes, _ = _solved(file.model_copy(update={"plate": body}), plate, outline, attachments)
@@ -150,25 +150,25 @@ def _first_frequency(
     return None
 
 
-def modes_of_resonances(held: ModeFile, frequencies: Sequence[float]) -> list[int | None]:
+def modes_of_resonances(mode_file: ModeFile, frequencies: Sequence[float]) -> list[int | None]:
     """The modes (0-based) of resonances [Hz], the nearest first; None without a free one within `RESONANCE_MATCH`."""
-    natural = held.modes.natural_frequency
-    off = np.abs(natural / np.asarray(frequencies)[:, None] - 1.0)
+    natural = mode_file.modes.natural_frequency
+    deviation = np.abs(natural / np.asarray(frequencies)[:, None] - 1.0)
     modes: list[int | None] = [None] * len(frequencies)
-    for i, j in sorted(np.argwhere(off < RESONANCE_MATCH).tolist(), key=lambda pair: off[tuple(pair)]):
+    for i, j in sorted(np.argwhere(deviation < RESONANCE_MATCH).tolist(), key=lambda pair: deviation[tuple(pair)]):
         if modes[i] is None and j not in modes:
             modes[i] = j
     return modes
 
 
-def far_resonances(held: ModeFile) -> Iterator[tuple[int, str]]:
+def far_resonances(mode_file: ModeFile) -> Iterator[tuple[int, str]]:
     """Modes (0-based) whose measured resonance is farther than `RESONANCE_MATCH` from them, and a line about each."""
-    for resonance in held.resonances:
-        lies = held.modes.natural_frequency[resonance.mode]
-        if abs(lies / resonance.frequency - 1.0) > RESONANCE_MATCH:
+    for resonance in mode_file.resonances:
+        frequency = mode_file.modes.natural_frequency[resonance.mode]
+        if abs(frequency / resonance.frequency - 1.0) > RESONANCE_MATCH:
             yield (
                 resonance.mode,
-                f"mode {resonance.mode + 1}: lies at {lies:.1f} Hz, but its resonance was measured at "
+                f"mode {resonance.mode + 1}: lies at {frequency:.1f} Hz, but its resonance was measured at "
                 f"{resonance.frequency:g} Hz, more than {RESONANCE_MATCH:.0%} from it: is it the right mode?",
             )
 

@@ -23,23 +23,23 @@ class Prepared:
         scene: the scenario in SI units.
         engine: the engine, its method, and the reason for the choice.
         cell: the transport cell in which the only part of the scene starts; None where no transport is measured.
-        cautions: settings that are known to mislead, a line each.
+        warnings: settings that are known to mislead, a line each.
         measures: that are taken besides those of the package.
     """
 
     scene: Scene
     engine: Choice
     cell: Cell | None
-    cautions: tuple[str, ...]
+    warnings: tuple[str, ...]
     measures: tuple[Measure[Any, Any], ...] = ()
 
     def __repr__(self) -> str:
         title = f" {self.scenario.title!r}" if self.scenario.title else ""
-        held = [f"engine {self.engine.name}", f"step {1e6 * self.scene.timestep:.3g} us"]
-        return f"<Prepared{title}: {', '.join([*held, counted(len(self.cautions), 'caution')])}>"
+        items = [f"engine {self.engine.name}", f"step {1e6 * self.scene.timestep:.3g} us"]
+        return f"<Prepared{title}: {', '.join([*items, counted(len(self.warnings), 'warning')])}>"
 
     def _repr_html_(self) -> str:
-        return block(repr(self)[1:-1], [self.engine.reason, *(f"caution: {caution}" for caution in self.cautions)])
+        return block(repr(self)[1:-1], [self.engine.reason, *(f"warning: {warning}" for warning in self.warnings)])
 
     @property
     def scenario(self) -> Scenario:

@@ -62,17 +62,17 @@ def _pour(
     rng: np.random.Generator,
 ) -> list[Pose]:
     """Poses in a column over the highest part under it, or over the plate; arguments as for `_scatter`."""
-    position, there = now.position[0], now.present[0]
+    position, is_present = now.position[0], now.present[0]
     sizes = np.array([kind.size for kind in scene.kinds])[scene.kind_of]
     size = float(sizes[parts].max())
-    away = np.hypot(*(position[there, :2] - 1e-3 * np.array(start.centre_mm)).T)
-    under = away < np.maximum(0.5e-3 * start.diameter_mm, size) + sizes[there]
+    distance = np.hypot(*(position[is_present, :2] - 1e-3 * np.array(start.centre_mm)).T)
+    is_under = distance < np.maximum(0.5e-3 * start.diameter_mm, size) + sizes[is_present]
     plate = float(_heights(scene, 1e-3 * np.array([start.centre_mm]), now)[0])
-    top = max([0.0, plate, *(position[there, 2] + sizes[there])[under].tolist()])
+    top = max([0.0, plate, *(position[is_present, 2] + sizes[is_present])[is_under].tolist()])
     lift = np.array([0.0, 0.0, top + 1e-3 * start.drop_height_mm[0]])
     centres = column(start, size, len(parts), key="refill.start") + lift
-    turned = [height_and_attitude(start, scene.kinds[scene.kind_of[part]], rng)[1] for part in parts]
-    return [Pose(centre, attitude, np.zeros(3)) for centre, attitude in zip(centres, turned, strict=True)]
+    attitudes = [height_and_attitude(start, scene.kinds[scene.kind_of[part]], rng)[1] for part in parts]
+    return [Pose(centre, attitude, np.zeros(3)) for centre, attitude in zip(centres, attitudes, strict=True)]
 
 
 def _scatter(
@@ -92,8 +92,8 @@ def _scatter(
         rng: draws.
     """
     placed = Spheres(max(kind.size for kind in scene.kinds))
-    there = np.flatnonzero(now.present[0])
-    for part, height in zip(there, _heights(scene, now.position[0, there], now), strict=True):
+    present = np.flatnonzero(now.present[0])
+    for part, height in zip(present, _heights(scene, now.position[0, present], now), strict=True):
         placed.add(now.position[0, part] - [0.0, 0.0, height], scene.parts[part].size)
     poses: list[Pose] = []
     tries = [MAX_TRIES_OF_REFILL]

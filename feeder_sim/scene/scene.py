@@ -122,8 +122,8 @@ class Scene:
     steps_per_frame: int
 
     def __repr__(self) -> str:
-        held = [counted(len(self.parts), "part"), counted(len(self.driven), "drive"), f"{self.times.duration:g} s"]
-        return f"<Scene: {', '.join(held)}>"
+        items = [counted(len(self.parts), "part"), counted(len(self.driven), "drive"), f"{self.times.duration:g} s"]
+        return f"<Scene: {', '.join(items)}>"
 
     @property
     def drives(self) -> tuple[ModalDrive, ...]:
@@ -183,10 +183,10 @@ class Scene:
         """Which parts are on the plate (n, parts): in the scene, their centres over it and above where it is then."""
         place, trough = frames.position, self.surface.trough
         height = np.full(place.shape[:2], -trough)
-        near = frames.present & (np.abs(place[..., 2]) <= trough)
-        if near.any():
-            time = np.broadcast_to(frames.time[:, None], near.shape)[near]
-            height[near] = self.surface.heights(place[near][:, :2], time)
+        is_near = frames.present & (np.abs(place[..., 2]) <= trough)
+        if is_near.any():
+            time = np.broadcast_to(frames.time[:, None], is_near.shape)[is_near]
+            height[is_near] = self.surface.heights(place[is_near][:, :2], time)
         return frames.on_plate(self.surface, height)
 
     @property
@@ -220,9 +220,9 @@ class Scene:
         self, parts: NDArray[np.int64], quaternion: Sequence[NDArray[np.float64]]
     ) -> NDArray[np.float64]:
         """As `principal_attitudes`, (n, 4), of some parts (n,)."""
-        of_all = np.tile([1.0, 0.0, 0.0, 0.0], (len(self.parts), 1))
-        of_all[parts] = quaternion
-        return self.principal_attitudes(of_all)[parts]
+        all_attitudes = np.tile([1.0, 0.0, 0.0, 0.0], (len(self.parts), 1))
+        all_attitudes[parts] = quaternion
+        return self.principal_attitudes(all_attitudes)[parts]
 
     def attitudes(self, principal: NDArray[np.float64]) -> NDArray[np.float64]:
         """Attitudes (..., parts, 4) of the parts, from those of their principal axes; w first."""
@@ -231,14 +231,14 @@ class Scene:
     def _by_kind(
         self,
         quaternion: NDArray[np.float64],
-        turned: Callable[[RigidPart, NDArray[np.float64]], NDArray[np.float64]],
+        rotate: Callable[[RigidPart, NDArray[np.float64]], NDArray[np.float64]],
     ) -> NDArray[np.float64]:
         if not any(kind.is_turned for kind in self.kinds):
             return quaternion
         result = np.array(quaternion, float)
         for k, kind in enumerate(self.kinds):
             members = self.kind_of == k
-            result[..., members, :] = turned(kind, result[..., members, :])
+            result[..., members, :] = rotate(kind, result[..., members, :])
         return result
 
     @property

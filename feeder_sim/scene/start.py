@@ -64,12 +64,12 @@ def next_parts(scene: Scene, free: NDArray[np.bool_], number: int, rng: np.rando
         rng: draws the kind of each, in proportion to the counts of the kinds of which a part is free.
     """
     counts = np.bincount(scene.kind_of)
-    left = [np.flatnonzero(free & (scene.kind_of == kind)).tolist() for kind in range(len(counts))]
+    remaining = [np.flatnonzero(free & (scene.kind_of == kind)).tolist() for kind in range(len(counts))]
     parts: list[int] = []
     for _ in range(min(number, int(free.sum()))):
-        weight = np.where([bool(of_kind) for of_kind in left], counts, 0)
+        weight = np.where([bool(of_kind) for of_kind in remaining], counts, 0)
         kind = int(rng.choice(len(counts), p=weight / weight.sum()))
-        parts.append(left[kind].pop(0))
+        parts.append(remaining[kind].pop(0))
     return np.array(parts, np.int64)
 
 
@@ -127,7 +127,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             continue
         if isinstance(start, GivenState):
             key = f"part[{i}].start.position_mm"
-            pose = given_pose(start, kind, key)
+            pose = pose_of_state(start, kind, key)
             check_apart(scene, part, pose.place, [p.place for p in poses], key)
             placed.add(pose.position, kind.size)
             poses.append(pose)
@@ -141,11 +141,11 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             velocity = 1e-3 * np.array(start.velocity_mm_s)
             if guide:
                 position[:2] += guide.axis[:2] / guide.axis[2] * height
-            if not drawn(start, kind):
+            if not is_drawn(start, kind):
                 check_off_rim(scene, part, (position, quaternion), f"part[{i}].start.position_mm")
         elif isinstance(start, Placed):
             position = np.array([*(1e-3 * c for c in start.places_mm_deg[number][:2]), height])
-            if not drawn(start, kind):
+            if not is_drawn(start, kind):
                 check_off_rim(scene, part, (position, quaternion), f"part[{i}].start.places_mm_deg[{number}]")
         elif isinstance(start, Scattered):
             place = free_place(scene, start, kind, height, placed, rng, tries[i])
@@ -167,8 +167,8 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             check_apart(scene, part, (position, quaternion), before, f"part[{i}].start.places_mm_deg[{number}]")
         elif isinstance(start, Start) and not placed.free(position, kind.size):
             # Their spheres meet. If the attitude is drawn that is refused, so that every seed has room or none.
-            others = zip(scene.parts, before, strict=False)
-            if drawn(start, kind) or any(parts_overlap(kind, (position, quaternion), *other) for other in others):
+            pairs = zip(scene.parts, before, strict=False)
+            if is_drawn(start, kind) or any(parts_overlap(kind, (position, quaternion), *other) for other in pairs):
                 key = f"part[{i}].start.position_mm"
                 raise InputError("overlaps another part, allowed is a place of its own", key=key)
         placed.add(position, kind.size)
@@ -216,14 +216,14 @@ def _columns(
     return columns
 
 
-def drawn(start: Start | Placed, kind: RigidPart) -> bool:
+def is_drawn(start: Start | Placed, kind: RigidPart) -> bool:
     """Whether the attitude of a part is drawn; that of a ball says nothing."""
     yaw = (0.0, 0.0) if isinstance(start, Placed) else start.yaw_deg
     tilt = start.tilt_deg or FREE_TILT
     return bool(kind.corners.any()) and (yaw[0] != yaw[1] or tilt != (0.0, 0.0))
 
 
-def given_pose(start: GivenState, kind: RigidPart, key: str) -> Pose:
+def pose_of_state(start: GivenState, kind: RigidPart, key: str) -> Pose:
     """The state that a scenario gives a part.
 
     Raises:
@@ -270,21 +270,21 @@ class Spheres:
 
     def __init__(self, largest: float) -> None:
         self._cell = 2.0 * largest + APART
-        self._held: dict[tuple[int, int, int], list[tuple[list[float], float]]] = {}
+        self._spheres: dict[tuple[int, int, int], list[tuple[list[float], float]]] = {}
 
     def free(self, position: NDArray[np.float64], radius: float) -> bool:
         """Whether a sphere at a position (3,) [m] with a radius [m] is `APART` or more from all others."""
-        wanted = position.tolist()
-        x, y, z = self._cell_of(wanted)
+        point = position.tolist()
+        x, y, z = self._cell_of(point)
         for place in itertools.product((x - 1, x, x + 1), (y - 1, y, y + 1), (z - 1, z, z + 1)):
-            for centre, other in self._held.get(place, ()):
-                if math.dist(centre, wanted) <= other + radius + APART:
+            for centre, other_radius in self._spheres.get(place, ()):
+                if math.dist(centre, point) <= other_radius + radius + APART:
                     return False
         return True
 
     def add(self, position: NDArray[np.float64], radius: float) -> None:
         centre = position.tolist()
-        self._held.setdefault(self._cell_of(centre), []).append((centre, radius))
+        self._spheres.setdefault(self._cell_of(centre), []).append((centre, radius))
 
     def _cell_of(self, centre: list[float]) -> tuple[int, int, int]:
         x, y, z = centre

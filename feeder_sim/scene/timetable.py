@@ -79,18 +79,18 @@ def largest_together(times: Timetable, drives: Sequence[Sequence[ModalDrive]], *
     for _, simultaneous in itertools.groupby(
         sorted(changes, key=lambda change: change[:2]), key=lambda change: change[0]
     ):
-        for _, begins, occurrence in simultaneous:
-            (acting.add if begins else acting.discard)(occurrence)
+        for _, is_start, occurrence in simultaneous:
+            (acting.add if is_start else acting.discard)(occurrence)
         sets.add(frozenset(acting))
     for occurrences in sets:
-        together: dict[tuple[float | None, ...], complex] = {}
+        phasors: dict[tuple[float | None, ...], complex] = {}
         for occurrence in occurrences:
             for drive in drives[occurrence.excitation]:
                 oscillator = (drive.shape, drive.natural_frequency, drive.damping_ratio)
                 kind = (*oscillator, drive.drive_frequency, occurrence.start)
                 amount = drive.largest_speed if speeds else drive.largest
-                together[kind] = together.get(kind, 0.0) + cmath.rect(amount, drive.phase)
-        largest = max(largest, sum(abs(amount) for amount in together.values()))
+                phasors[kind] = phasors.get(kind, 0.0) + cmath.rect(amount, drive.phase)
+        largest = max(largest, sum(abs(amount) for amount in phasors.values()))
     return largest
 
 
@@ -112,12 +112,12 @@ def timetable(scenario: Scenario, stops: Sequence[float] = (), *, frame_interval
         stops = [d.start_s + d.duration_s if d.duration_s else math.inf for d in scenario.drive]
         acting = [Occurrence(i, d.start_s, stop) for i, (d, stop) in enumerate(zip(scenario.drive, stops, strict=True))]
         return Timetable((stage,), tuple(acting), duration)
-    whole = frame_interval if schedule.sequence is not None else None
+    interval = frame_interval if schedule.sequence is not None else None
     prepare, of_cycle = _planned(schedule)
     stages: list[TimedStage] = []
-    _append(stages, prepare, 0, stops, whole)
+    _append(stages, prepare, 0, stops, interval)
     for cycle in range(1, schedule.cycles + 1):
-        _append(stages, [of_cycle[i] for i in schedule.order], cycle, stops, whole)
+        _append(stages, [of_cycle[i] for i in schedule.order], cycle, stops, interval)
     return of_stages(stages)
 
 
@@ -132,8 +132,8 @@ def each_once(scenario: Scenario) -> Timetable:
     schedule = scenario.schedule
     if schedule is None or schedule.sequence is None:
         return timetable(scenario)
-    once = schedule.model_copy(update={"sequence": None, "cycles": 1})
-    return timetable(scenario.model_copy(update={"schedule": once}))
+    single_pass = schedule.model_copy(update={"sequence": None, "cycles": 1})
+    return timetable(scenario.model_copy(update={"schedule": single_pass}))
 
 
 def _planned(schedule: Schedule) -> tuple[list[Planned], list[Planned]]:

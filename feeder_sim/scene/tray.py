@@ -106,21 +106,21 @@ def _from_table(drive: Excitation, key: str, size: Sequence[float], arm: float) 
         for j in np.flatnonzero(np.abs(coefficient[i]) > MOVES * np.abs(coefficient[i]).max())
     ]
     motions.sort(key=lambda motion: -motion.drive.amplitude)
-    doubts = []
+    warnings = []
     if wave.residual > CLOSE:
-        doubts.append(f"{len(coefficient)} harmonics come within {wave.residual:.1%} of its table")
+        warnings.append(f"{len(coefficient)} harmonics come within {wave.residual:.1%} of its table")
     if wave.left_out > max(MISSED * wave.acceleration, NOTHING):
-        doubts.append(
+        warnings.append(
             f"{wave.left_out / GRAVITY:.3g} g of its table are left out, most of them at "
             f"{wave.left_out_frequency:.4g} Hz, beside the {wave.acceleration / GRAVITY:.3g} g that it moves with"
         )
-    own = motions[0]
+    main_motion = motions[0]
     return DrivenMode(
         f"tray, by {drive.motion_file.name}, {len(coefficient)} harmonics",
-        own.shape,
-        own.drive,
+        main_motion.shape,
+        main_motion.drive,
         followers=tuple(motions[1:]),
-        doubt="; ".join(doubts),
+        doubt="; ".join(warnings),
     )
 
 

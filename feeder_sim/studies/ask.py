@@ -51,8 +51,8 @@ def folder_of(
     """
     question = question.settled(scenario)
     path = out or usual_folder(Path(question.base), name, question.file, scenario, question.same)
-    asked = question.as_toml()
-    return WorkFolder(path, question.file, asked, scenario, same=question.same, share=share, own=question.own)
+    request = question.as_toml()
+    return WorkFolder(path, question.file, request, scenario, same=question.same, share=share, own=question.own)
 
 
 def ask(
@@ -87,20 +87,20 @@ def ask(
         RecordingFailed: the folder cannot be written.
     """
     plan = question.settled(scenario).plan(scenario, file)
-    mark = identity_of_measures(measures)
-    ledger = Ledger(folder.journals, folder.journal, mark) if folder else Ledger()
+    identity = identity_of_measures(measures)
+    ledger = Ledger(folder.journals, folder.journal, identity) if folder else Ledger()
     plan.take(ledger)
-    others = ledger.foreign(plan.identities)
+    foreign_seeds = ledger.foreign(plan.identities)
     plan = plan.part(*share) if share else plan
     path = folder.path if folder else None
-    with contextlib.ExitStack() as held:
-        bench = Bench(held.enter_context(workers), ledger, path, stop or threading.Event(), progress, notify, measures)
-        if others and not plan.all_done:
-            bench.say_foreign(others)
+    with contextlib.ExitStack() as stack:
+        bench = Bench(stack.enter_context(workers), ledger, path, stop or threading.Event(), progress, notify, measures)
+        if foreign_seeds and not plan.all_done:
+            bench.say_foreign(foreign_seeds)
         if folder:
-            held.enter_context(folder)  # last: what is refused before leaves the question in it as it was
-        held.enter_context(ledger)
-        study = plan.study(plan.run(bench), others)
+            stack.enter_context(folder)  # last: what is refused before leaves the question in it as it was
+        stack.enter_context(ledger)
+        study = plan.study(plan.run(bench), foreign_seeds)
         if folder and share is None:
             write_study(study, folder)
     return study
@@ -134,12 +134,12 @@ def merged(path: Path, measure: str | None = None) -> Study:
         raise InputError(problem, file=path) from error
     plan, ledger = question.plan(scenario, path / SCENARIO), Ledger(folder.journals)
     plan.take(ledger)
-    others = ledger.foreign(plan.identities)
-    if len(ledger) == others:
-        why = f"; {others} in the journals are {FOREIGN}" if others else ""
+    foreign_seeds = ledger.foreign(plan.identities)
+    if len(ledger) == foreign_seeds:
+        why = f"; {foreign_seeds} in the journals are {FOREIGN}" if foreign_seeds else ""
         problem = f"holds no seed of the {kind.kind}, allowed is a folder with journal*.jsonl of its tasks{why}"
         raise InputError(problem, file=path)
-    study = plan.study(plan.all_done, others)
+    study = plan.study(plan.all_done, foreign_seeds)
     with folder:
         write_study(study, folder, measure)
     return study

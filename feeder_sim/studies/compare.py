@@ -49,8 +49,8 @@ class MeasuredRun:
     @property
     def names(self) -> list[str]:
         """Of the measures that at least one seed has a value of, in the order of the summary."""
-        held = (name for values in self.values for name, value in values.items() if math.isfinite(value))
-        return list(dict.fromkeys(held))
+        finite_names = (name for values in self.values for name, value in values.items() if math.isfinite(value))
+        return list(dict.fromkeys(finite_names))
 
     def of(self, name: str) -> list[float]:
         """One measure of every seed."""
@@ -63,7 +63,7 @@ class MeasuredRun:
 
     def count(self, *status: Status) -> int:
         """Number of seeds that ended in one of these ways."""
-        return sum(held in status for held in self.recording.status)
+        return sum(seed_status in status for seed_status in self.recording.status)
 
 
 def measured_run(path: Path, progress: Callable[[float], None] | None = None) -> MeasuredRun:
@@ -144,12 +144,12 @@ class Comparison(Answer):
         """
         tables = []
         for run in (self.first, self.second):
-            held = dict(_flat(run.scenario.model_dump(mode="json", exclude_none=True)))
-            held |= {key: f"{Path(held[key]).name} ({sha[:12]})" for key, sha in run.recording.inputs.items()}
-            tables.append(held | {"engine in use": run.recording.engine})
-        found = _different(*tables)
+            table = dict(_flat(run.scenario.model_dump(mode="json", exclude_none=True)))
+            table |= {key: f"{Path(table[key]).name} ({sha[:12]})" for key, sha in run.recording.inputs.items()}
+            tables.append(table | {"engine in use": run.recording.engine})
+        different = _different(*tables)
         inputs = self.first.recording.inputs, self.second.recording.inputs
-        return {key: values for key, values in found.items() if key not in inputs[0] or _differ(key, *inputs)}
+        return {key: values for key, values in different.items() if key not in inputs[0] or _differ(key, *inputs)}
 
     @property
     def versions(self) -> dict[str, tuple[Any, Any]]:
@@ -160,17 +160,17 @@ class Comparison(Answer):
         """A row per measure: means, their difference, and its 95 % interval."""
         return [
             {
-                "measure": found.name,
-                "first": found.first.mean,
-                "second": found.second.mean,
-                "difference": found.difference,
-                "low": found.low,
-                "high": found.high,
-                "n_first": found.first.n,
-                "n_second": found.second.n,
-                "pairs": math.nan if found.pairs is None else found.pairs,
+                "measure": row.name,
+                "first": row.first.mean,
+                "second": row.second.mean,
+                "difference": row.difference,
+                "low": row.low,
+                "high": row.high,
+                "n_first": row.first.n,
+                "n_second": row.second.n,
+                "pairs": math.nan if row.pairs is None else row.pairs,
             }
-            for found in self.differences
+            for row in self.differences
         ]
 
     def _line(self) -> str:
@@ -234,9 +234,9 @@ def in_words(comparison: Comparison) -> str:
     for (name, _), names in zip(runs.items(), comparison.only, strict=True):
         if names:
             lines.append(f"  only the {name} run has: {', '.join(names)}")
-    for title, found in (("settings", comparison.settings), ("versions", comparison.versions)):
-        lines += ["", f"{title} that differ:" if found else f"no {title} differ"]
-        lines += [f"  {key}: {_text(values[0])} | {_text(values[1])}" for key, values in found.items()]
+    for title, differing in (("settings", comparison.settings), ("versions", comparison.versions)):
+        lines += ["", f"{title} that differ:" if differing else f"no {title} differ"]
+        lines += [f"  {key}: {_text(values[0])} | {_text(values[1])}" for key, values in differing.items()]
     return "\n".join(lines)
 
 

@@ -35,14 +35,14 @@ class Question(Table):
     own: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
-    def of(cls, **given: Any) -> Self:
+    def of(cls, **arguments: Any) -> Self:
         """From arguments; None for one that is not given.
 
         Raises:
             InputError: a value is not allowed; it names the argument.
         """
         try:
-            return validated({name: value for name, value in given.items() if value is not None}, cls, Path())
+            return validated({name: value for name, value in arguments.items() if value is not None}, cls, Path())
         except InputError as error:
             raise InputError(error.problem, argument=error.key) from None
 
@@ -135,6 +135,6 @@ class Plan(Protocol):
         """Run what is not done; returns whether it came to the end, and was not stopped."""
         ...
 
-    def study(self, complete: bool, others: int) -> Study:
-        """What there is by now; others: seeds in the folder that do not count."""
+    def study(self, complete: bool, foreign_seeds: int) -> Study:
+        """What there is by now; foreign_seeds: seeds in the folder that do not count."""
         ...

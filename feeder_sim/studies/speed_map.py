@@ -31,7 +31,7 @@ from feeder_sim.errors import InputError, NotAllowed
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Bench
-from feeder_sim.jobs.task import Caution, SeedValues, Task
+from feeder_sim.jobs.task import RepeatedWarning, SeedValues, Task
 from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
 from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
@@ -58,7 +58,7 @@ PROBE_SEEDS, PROBE_SHARE, LONGEST_PROBE_S = 2, 0.05, 5.0  # share of the duratio
 STILL_M = 1e-4  # that a part may move as it settles; one that has moved less by the end of the probe does not move
 HARDLY = 0.1  # of the way that has to be covered on average to arrive in time; a part that comes so far goes on
 MOST_ARRIVE = 0.5  # of the seeds of a point; where fewer do, its mean is that of the fast ones alone
-WAY = 0.7  # of the distance from antinode to node, from the start to the end of the passage, about
+PASSAGE_SHARE = 0.7  # of the distance from antinode to node, from the start to the end of the passage, about
 
 
 @dataclass(frozen=True)
@@ -179,20 +179,20 @@ class MapPlan(Plan):
 
     def __init__(self, question: MapQuestion, scenario: Scenario, points: list[tuple[float, float]]) -> None:
         self._question, self._scenario, self._points = question, scenario, points
-        self._found: dict[tuple[float, float], MapPoint] = {}
+        self._map_points: dict[tuple[float, float], MapPoint] = {}
         self._ledger = Ledger()
 
     @property
     def all_done(self) -> bool:
         self._settle_all()
-        return len(self._found) == len(self._points)
+        return len(self._map_points) == len(self._points)
 
     def take(self, ledger: Ledger) -> None:
         self._ledger = ledger  # which is looked at point by point: to make the scenarios of a thousand takes long
 
     def _settle_all(self) -> None:
         for point in self._points if len(self._ledger) else ():
-            if point not in self._found:
+            if point not in self._map_points:
                 self.settle(self.begun(point, self._ledger), self._ledger)
 
     def part(self, number: int, of: int) -> MapPlan:
@@ -203,37 +203,37 @@ class MapPlan(Plan):
             bench.progress(0.0)  # there is something to keep, whenever it ends
         return bench.run(MapWork(self, _strided(self._points), bench.ledger))
 
-    def study(self, complete: bool, others: int) -> SpeedMap:
+    def study(self, complete: bool, foreign_seeds: int) -> SpeedMap:
         self._settle_all()
-        found = tuple(self._found[point] for point in self._points if point in self._found)
-        return SpeedMap(self._question, self._scenario, found, complete)
+        map_points = tuple(self._map_points[point] for point in self._points if point in self._map_points)
+        return SpeedMap(self._question, self._scenario, map_points, complete)
 
     @property
     def share_done(self) -> float:
-        return len(self._found) / len(self._points)
+        return len(self._map_points) / len(self._points)
 
-    def begun(self, point: tuple[float, float], ledger: Ledger) -> Trying:
+    def begun(self, point: tuple[float, float], ledger: Ledger) -> Attempt:
         """A point at its begin: with its probe first where the throw number is small."""
         slow = throw_number(*point) < PROBED
-        scenario = _probe(self._scenario, *point) if slow else self._whole(point)
-        return _trying(point, scenario, PROBE_SEEDS if slow else self._question.seeds, ledger, probing=slow)
+        scenario = _probe(self._scenario, *point) if slow else self._full_scenario(point)
+        return _attempt(point, scenario, PROBE_SEEDS if slow else self._question.seeds, ledger, probing=slow)
 
-    def _whole(self, point: tuple[float, float]) -> Scenario:
+    def _full_scenario(self, point: tuple[float, float]) -> Scenario:
         return at_point(self._scenario, *point, self._question.seeds)
 
-    def settle(self, trying: Trying, ledger: Ledger) -> Trying | None:
+    def settle(self, attempt: Attempt, ledger: Ledger) -> Attempt | None:
         """Go on with a point as far as its seeds are done; None where that is all of it."""
-        while trying.case.is_done(trying.effort):
-            seeds = trying.case.seeds(trying.effort)
-            if not (trying.probing and _moves(self._scenario, trying.point, trying.case.scenario, seeds)):
-                self._found[trying.point] = _point(trying.point, seeds)
+        while attempt.case.is_done(attempt.effort):
+            seeds = attempt.case.seeds(attempt.effort)
+            if not (attempt.probing and _moves(self._scenario, attempt.point, attempt.case.scenario, seeds)):
+                self._map_points[attempt.point] = _point(attempt.point, seeds)
                 return None
-            trying = _trying(trying.point, self._whole(trying.point), self._question.seeds, ledger)
-        return trying
+            attempt = _attempt(attempt.point, self._full_scenario(attempt.point), self._question.seeds, ledger)
+        return attempt
 
 
 @dataclass(frozen=True)
-class Trying:
+class Attempt:
     """A point on its way: the scenario whose seeds are run now, how many of them, and whether that is the probe."""
 
     point: tuple[float, float]
@@ -242,41 +242,41 @@ class Trying:
     probing: bool = False
 
 
-def _trying(
+def _attempt(
     point: tuple[float, float], scenario: Scenario, seeds: int, ledger: Ledger, *, probing: bool = False
-) -> Trying:
+) -> Attempt:
     identity = identity_of(scenario)
-    return Trying(point, Case(scenario, identity, done=ledger.seeds_of(identity)), Effort(seeds), probing)
+    return Attempt(point, Case(scenario, identity, done=ledger.seeds_of(identity)), Effort(seeds), probing)
 
 
 class MapWork:
     """The seeds of all points that are still to be run, handed out point by point."""
 
-    def __init__(self, plan: MapPlan, left: Sequence[tuple[float, float]], ledger: Ledger) -> None:
-        self._plan, self._left, self._ledger = plan, deque(left), ledger
-        self._under_way: dict[tuple[float, float], Trying] = {}
+    def __init__(self, plan: MapPlan, remaining: Sequence[tuple[float, float]], ledger: Ledger) -> None:
+        self._plan, self._remaining, self._ledger = plan, deque(remaining), ledger
+        self._in_progress: dict[tuple[float, float], Attempt] = {}
 
-    def next(self, seeds: int) -> tuple[Trying, Task] | None:
-        for trying in self._under_way.values():
-            if handed := trying.case.hand_out(trying.effort, seeds):
-                return trying, Task(trying.case.scenario, trying.case.identity, handed)
-        while self._left:
-            point = self._left.popleft()
-            begun = self._plan.settle(self._plan.begun(point, self._ledger), self._ledger)
-            if begun is not None:
-                self._under_way[point] = begun
-                return begun, Task(begun.case.scenario, begun.case.identity, begun.case.hand_out(begun.effort, seeds))
+    def next(self, seeds: int) -> tuple[Attempt, Task] | None:
+        for attempt in self._in_progress.values():
+            if handed := attempt.case.hand_out(attempt.effort, seeds):
+                return attempt, Task(attempt.case.scenario, attempt.case.identity, handed)
+        while self._remaining:
+            point = self._remaining.popleft()
+            trial = self._plan.settle(self._plan.begun(point, self._ledger), self._ledger)
+            if trial is not None:
+                self._in_progress[point] = trial
+                return trial, Task(trial.case.scenario, trial.case.identity, trial.case.hand_out(trial.effort, seeds))
         return None
 
-    def take(self, place: Trying, done: tuple[SeedValues, ...]) -> None:
+    def take(self, place: Attempt, done: tuple[SeedValues, ...]) -> None:
         place.case.take(done)
         for seed in done:
             self._ledger.add(place.case.identity, seed)
         goes_on = self._plan.settle(place, self._ledger)
         if goes_on is None:
-            del self._under_way[place.point]
+            del self._in_progress[place.point]
         else:
-            self._under_way[place.point] = goes_on
+            self._in_progress[place.point] = goes_on
 
     @property
     def share_done(self) -> float:
@@ -301,9 +301,9 @@ class SpeedMap(Study):
     complete: bool
 
     @property
-    def cautions(self) -> list[Caution]:
+    def warnings(self) -> list[RepeatedWarning]:
         """What misleads: uncertain inputs, whose values are those of the scenario."""
-        return [Caution(line, 1, 1) for line in ignored_uncertainty(self.scenario)]
+        return [RepeatedWarning(line, 1, 1) for line in ignored_uncertainty(self.scenario)]
 
     @property
     def fastest(self) -> MapPoint | None:
@@ -387,10 +387,10 @@ class SpeedMap(Study):
         return [*lines, LARGEST_OF_MANY] if len(self.points) > 1 else lines
 
     def _line(self) -> str:
-        rest = "" if self.complete else ", not complete"
-        rest += f", {counted(len(self.cautions), 'caution')}" if self.cautions else ""
+        suffix = "" if self.complete else ", not complete"
+        suffix += f", {counted(len(self.warnings), 'warning')}" if self.warnings else ""
         arrived = sum(point.n > 0 for point in self.points)
-        return f"SpeedMap: {counted(len(self.points), 'point')}, {arrived} with arrivals{rest}"
+        return f"SpeedMap: {counted(len(self.points), 'point')}, {arrived} with arrivals{suffix}"
 
 
 def check_mapped(scenario: Scenario) -> None:
@@ -454,18 +454,18 @@ def _strided(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 def _probe(scenario: Scenario, frequency_hz: float, amplitude_um: float) -> Scenario:
     """The first seeds of a point for a small part of its duration."""
-    whole = at_point(scenario, frequency_hz, amplitude_um, PROBE_SEEDS)
-    assert whole.run.duration_s
-    return with_run(whole, duration_s=min(PROBE_SHARE * whole.run.duration_s, LONGEST_PROBE_S))
+    full_scenario = at_point(scenario, frequency_hz, amplitude_um, PROBE_SEEDS)
+    assert full_scenario.run.duration_s
+    return with_run(full_scenario, duration_s=min(PROBE_SHARE * full_scenario.run.duration_s, LONGEST_PROBE_S))
 
 
 def _moves(scenario: Scenario, point: tuple[float, float], probe: Scenario, seeds: Sequence[SeedValues]) -> bool:
     """Whether the first seeds move so fast that some may arrive in time; those that fell off count as moving."""
-    whole, cell = at_point(scenario, *point, PROBE_SEEDS).run.duration_s, prepare(probe).cell
-    took = probe.run.duration_s
-    assert cell is not None and whole and took
+    duration, cell = at_point(scenario, *point, PROBE_SEEDS).run.duration_s, prepare(probe).cell
+    probe_duration = probe.run.duration_s
+    assert cell is not None and duration and probe_duration
     speed = 1e-3 * abs(Statistic.of(seed.values.get(DRIFT, math.nan) for seed in seeds).mean)
-    return not (speed * took < STILL_M or speed * whole < HARDLY * WAY * cell.reach)
+    return not (speed * probe_duration < STILL_M or speed * duration < HARDLY * PASSAGE_SHARE * cell.reach)
 
 
 def throw_number(frequency_hz: float, amplitude_um: float) -> float:

@@ -14,7 +14,7 @@ from feeder_sim.comma_separated import check_commas
 from feeder_sim.document.document import Text
 from feeder_sim.document.figure import Figure, save_figures
 from feeder_sim.errors import InputError, cause_of, quoted
-from feeder_sim.jobs.task import Caution
+from feeder_sim.jobs.task import RepeatedWarning
 from feeder_sim.notebook import library, table
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Answer(ABC):
     def _line(self) -> str:
         """What it is, in a line."""
 
-    def _shown(self) -> Sequence[Record]:
+    def _notebook_rows(self) -> Sequence[Record]:
         """The rows that a notebook shows."""
         return self.table()
 
@@ -56,7 +56,7 @@ class Answer(ABC):
         return f"<{self._line()}>"
 
     def _repr_html_(self) -> str:
-        return table(self._line(), self._shown())
+        return table(self._line(), self._notebook_rows())
 
 
 class Study(Answer):
@@ -64,7 +64,7 @@ class Study(Answer):
 
     Attributes:
         complete: whether it has come to its end, and was not stopped.
-        places: what its cautions hold at, in words.
+        places: what its warnings hold at, in words.
         picture: name of the file that it is drawn into.
     """
 
@@ -74,7 +74,7 @@ class Study(Answer):
 
     @property
     @abstractmethod
-    def cautions(self) -> Sequence[Caution]:
+    def warnings(self) -> Sequence[RepeatedWarning]:
         """What is known to mislead."""
 
     @property
@@ -121,8 +121,8 @@ class Study(Answer):
 
     def remarks(self, measure: str | None = None) -> Iterator[Text]:
         """What is to be known about it, the gravest first; measure: that is shown. Notes are for pages only."""
-        for caution in self.cautions:
-            yield Text(caution.in_words(self.places), "caution")
+        for warning in self.warnings:
+            yield Text(warning.in_words(self.places), "warning")
 
 
 def csv_bytes(columns: Sequence[str], rows: Iterable[Record]) -> bytes:
@@ -172,17 +172,17 @@ class TableFile:
         Raises:
             InputError: a line is not as it has to be.
         """
-        found = []
+        rows = []
         try:
             for number, line in enumerate(self._reader, 2):
                 try:
-                    found.append(row_of(line))
+                    rows.append(row_of(line))
                 except (ValueError, TypeError, OverflowError):
                     problem = f"line {number} is {quoted(list(line.values()))}, allowed are numbers"
                     raise InputError(problem, file=self._file) from None
         except csv.Error as error:
             raise InputError(f"is no table: {error}", file=self._file) from error
-        return tuple(found)
+        return tuple(rows)
 
 
 def number_in(text: str | None) -> float:

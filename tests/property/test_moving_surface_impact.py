@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 from conftest import from_python, moving_part, rows, struck, symmetric
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
@@ -123,6 +124,7 @@ def check_same(one: Body, other: Body, moving: np.ndarray, off: float = ROUND_OF
     assert np.abs(turned).max() < off * speed
 
 
+@pytest.mark.slow
 @given(seed=chance, touching=st.integers(1, 12), e=share, mu=share, moving=frame)
 @example(seed=5133, touching=6, e=1.0, mu=0.0, moving=np.array([0.0, 1.0, 1.0]))
 @settings(max_examples=300, deadline=None)

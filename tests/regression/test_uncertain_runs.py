@@ -63,7 +63,7 @@ def test_a_run_goes_on_with_as_many_draws_as_it_was_begun_with(ball: Path, tmp_p
     done = feeder_sim("run", ball, "--inputs", 3, "--out", out, "--json")
     assert done.returncode == 0, done.stderr
     assert NOT_DRAWN not in done.stderr  # beside what the draws have come to
-    assert any(NOT_DRAWN in caution for caution in json.loads(done.stdout)["cautions"])
+    assert any(NOT_DRAWN in warning for warning in json.loads(done.stdout)["warnings"])
     speed = json.loads(done.stdout)["uncertainty"]["measures"]["highest_rise_mm"]
     assert speed["draws"] == 3 and speed["low"] < speed["median"] < speed["high"] and speed["sd_seeds"] > 0.0
     with (out / "uncertainty/draws.csv").open(newline="") as file:

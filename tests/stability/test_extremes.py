@@ -209,9 +209,9 @@ def test_the_step_does_not_depend_on_how_many_stages_there_are() -> None:
 def test_what_hardly_anybody_means_is_said() -> None:
     plate = {"kind": "strip", "thickness_mm": 3.0, "width_mm": 4.0}
     prepared = prepare(scenario_of(plate=plate, drive=[{"frequency_hz": 4750.0, "amplitude_um": 300.0}]))
-    assert any("would break before long" in line for line in prepared.cautions)
-    assert any("more than the plate's side, 4 mm" in line for line in prepared.cautions)
-    assert not prepare(scenario_of(plate=plate | {"width_mm": 60.0})).cautions
+    assert any("would break before long" in line for line in prepared.warnings)
+    assert any("more than the plate's side, 4 mm" in line for line in prepared.warnings)
+    assert not prepare(scenario_of(plate=plate | {"width_mm": 60.0})).warnings
 
 
 MANY_STAGES = REST + "[schedule]\ncycles = 10000\n" + "[[schedule.stage]]\nduration_s = 1.0\n" * 1000

@@ -44,7 +44,7 @@ def test_tunnelling_part_stops_the_run_and_keeps_its_frames(tmp_path: Path) -> N
     done = feeder_sim("run", scenario, "--out", folder, "--json")
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
-    lines = [line for line in said(done) if "caution" not in line]
+    lines = [line for line in said(done) if "warning" not in line]
     assert len(lines) == 2 and all(f"last states in failure_seed_{i}.npz" in line for i, line in enumerate(lines))
     assert all("part_0 at 2.0" in line and "below the plate" in line for line in lines)
     recording = read_recording(folder / "trajectory.h5")

@@ -125,7 +125,9 @@ def test_dask_with_a_worker_killed_in_between(tmp_path: Path) -> None:
     assert tables[1:] == tables[:1] * 2
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in ("map", "optimise") else name for name in COMMANDS]
+)
 def test_a_full_disk_ends_a_command_in_one_line(name: str, tmp_path: Path) -> None:
     """No file may be larger than a few blocks."""
     shutil.copy(GOLDEN / "ball.toml", tmp_path)

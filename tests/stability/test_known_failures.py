@@ -129,7 +129,7 @@ def test_resting_part_creeps_on_a_slope_with_the_default_impedance_of_mujoco_alo
 def test_soft_contact_lets_a_fast_part_through(speed: float, time_constant_ms: float, expected: State) -> None:
     result = ran(falling(speed, soft(time_constant_ms), 20), seeds=1)
     assert classify(result, None)[0] == expected
-    warned = any("out of it below" in line for line in result.prepared.cautions)
+    warned = any("out of it below" in line for line in result.prepared.warnings)
     assert warned == (expected == State.TUNNELLING)
 
 
@@ -168,7 +168,7 @@ COMPLIANT = {"contact": {"model": "compliant", "time_constant_us": 30.0}}
 def test_settings_that_fail_are_refused_with_the_reason_unless_asked_for(changes: dict[str, Any], why: str) -> None:
     assert why in refusal(strip, IN_MUJOCO | changes)
     scenario = strip(IN_MUJOCO | changes | {"run.allow_unstable": True})
-    assert any(why in line for line in prepare(scenario).cautions)
+    assert any(why in line for line in prepare(scenario).warnings)
 
 
 @pytest.mark.parametrize(
@@ -182,12 +182,12 @@ def test_settings_that_fail_are_refused_with_the_reason_unless_asked_for(changes
         ({}, "a sliding impact leaves the plate too fast"),
     ],
 )
-def test_settings_that_mislead_get_a_caution(changes: dict[str, Any], why: str) -> None:
-    assert any(why in line for line in prepare(strip(IN_MUJOCO | changes)).cautions)
+def test_settings_that_mislead_get_a_warning(changes: dict[str, Any], why: str) -> None:
+    assert any(why in line for line in prepare(strip(IN_MUJOCO | changes)).warnings)
 
 
-def test_default_settings_get_no_caution() -> None:
-    assert prepare(strip({})).cautions == ()
+def test_default_settings_get_no_warning() -> None:
+    assert prepare(strip({})).warnings == ()
 
 
 def test_approach_is_that_of_the_drop() -> None:

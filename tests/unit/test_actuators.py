@@ -51,11 +51,18 @@ duration_s = 0.1
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(tmp_path_factory: pytest.TempPathFactory) -> ModeFile:
+    path = tmp_path_factory.mktemp("computed")
+    (path / "plate.toml").write_text(toml_of(PLATE))
+    return compute_modes(load_plate_file(path / "plate.toml"))
+
+
+@pytest.fixture(scope="module")
+def folder(computed: ModeFile, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the plate file and its mode file."""
     path = tmp_path_factory.mktemp("plate")
     (path / "plate.toml").write_text(toml_of(PLATE))
-    write_mode_file(path / "modes.h5", compute_modes(load_plate_file(path / "plate.toml")))
+    write_mode_file(path / "modes.h5", computed)
     return path
 
 
@@ -81,8 +88,7 @@ def scene_of(folder: Path, frequency: float, drive: str) -> Scene:
     return build_scene(load_scenario(scenario_in(folder, frequency, drive)))
 
 
-def test_mode_file_keeps_actuators_and_their_forces(folder: Path, held: ModeFile) -> None:
-    computed = compute_modes(load_plate_file(folder / "plate.toml"))
+def test_mode_file_keeps_actuators_and_their_forces(computed: ModeFile, held: ModeFile) -> None:
     assert held.actuators == computed.actuators and held.actuators[1].layer.angle == pytest.approx(math.radians(30.0))
     np.testing.assert_array_equal(held.force_per_volt, computed.force_per_volt)
     assert np.abs(held.force_per_volt).max(axis=0).min() > 0.0
@@ -376,8 +382,8 @@ def test_a_resonance_may_name_its_mode(tmp_path: Path) -> None:
     check_refused(done, "resonance[0].frequency_hz", "2860", "name a mode")
     done = feeder_sim("modes", measured_plate(tmp_path, 2860.0, "mode = 14"), "--out", out)
     assert done.returncode == 0
-    (caution,) = said(done)
-    assert "caution: mode 14" in caution and "2860" in caution and "2 %" in caution.replace("2%", "2 %")
+    (warning,) = said(done)
+    assert "warning: mode 14" in warning and "2860" in warning and "2 %" in warning.replace("2%", "2 %")
     prepared = prepare(scenario(out, frequency_hz=2860.0, mode=14))
     (mode,) = prepared.scene.driven
     assert "mode 14" in mode.label and mode.drive.damping_ratio == pytest.approx(0.0015)
@@ -385,7 +391,7 @@ def test_a_resonance_may_name_its_mode(tmp_path: Path) -> None:
     assert mode.drive.natural_frequency == mode.drive.drive_frequency == 2860.0
     at = prepared.scene.surface.deflection(0, prepared.cell.antinode[None])[0] if prepared.cell else math.nan
     assert abs(at) * mode.drive.amplitude == pytest.approx(2e-6, rel=1e-3)
-    assert any("mode 14" in line and "2860" in line for line in prepared.cautions)
+    assert any("mode 14" in line and "2860" in line for line in prepared.warnings)
     with pytest.raises(InputError, match="no mode within"):  # nothing else has changed
         prepare(scenario(out, frequency_hz=2860.0))
     with pytest.raises(InputError, match=r"mode 14 lies at 2776.0 Hz, or 2860.0 Hz"):

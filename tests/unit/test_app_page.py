@@ -154,7 +154,7 @@ async def check_text(text: str, client: Client) -> None:
     before = tomli_w.dumps(described())
     draft = Draft(before, EXAMPLE)
     page = await built(draft, client)
-    fields = set(page.fields.held)
+    fields = set(page.fields.inputs)
     for _ in ("as it is", "after a reload"):
         with client.content:
             await page.step(lambda: draft.write(text))
@@ -162,7 +162,7 @@ async def check_text(text: str, client: Client) -> None:
         page = await built(draft, client)
         with client.content:
             await page.step(draft.undo)
-        assert draft.text == before and set(page.fields.held) == fields
+        assert draft.text == before and set(page.fields.inputs) == fields
         check_sent(page, client)
 
 

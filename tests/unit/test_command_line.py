@@ -91,7 +91,7 @@ def test_check_says_in_sentences_what_moves_and_what_it_costs(scenario: Path) ->
         "From antinode to node it is 19.49 mm.\n",
         "The engine is impulse: rigid contact",
         " of 0.1 s in steps of ",
-        "Cautions: none.\n",
+        "Warnings: none.\n",
     ):
         assert text in said
     assert "transport_speed_mm_s" in said and "_um" not in said and len(said.splitlines()) < 12

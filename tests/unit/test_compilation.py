@@ -12,7 +12,7 @@ from feeder_sim.run import compilation
 
 def test_it_says_how_far_the_compilation_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compilation, "ANNOUNCED_S", 0.05)
-    monkeypatch.setattr(compilation, "TOLD_EVERY_S", 0.05)
+    monkeypatch.setattr(compilation, "NOTIFY_EVERY_S", 0.05)
     lines: list[str] = []
     with compilation.compilation_announced("exact", lines.append):
         time.sleep(0.1)

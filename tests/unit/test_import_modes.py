@@ -14,7 +14,7 @@ from conftest import REPOSITORY, toml_of
 from numpy.typing import NDArray
 from own_modes import nodes_2411, places, plate_180, shape_55, units_164, values_at, write_table, write_universal
 
-from feeder_sim.plate.imported.measured_shapes import made_real
+from feeder_sim.plate.imported.measured_shapes import real_mode
 from feeder_sim.plate.imported.scattered_fit import slopes
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.modes import PlateModes
@@ -110,9 +110,9 @@ def test_complex_modes_become_real(tmp_path: Path, grid: NDArray[np.float64]) ->
     modes = plate_180().modes
     w, other = values_at(modes, [13, 12], grid)[:, 0]
     shape = np.exp(0.7j) * (w + 0.1j * other)
-    real, _, collinearity = made_real(shape)
+    real, _, collinearity = real_mode(shape)
     assert abs(np.corrcoef(real, w)[0, 1]) > 0.9999 and 0.9 < collinearity < 1.0
-    assert made_real(np.exp(1.9j) * w)[2] == pytest.approx(1.0)
+    assert real_mode(np.exp(1.9j) * w)[2] == pytest.approx(1.0)
     of_complex: dict[str, Any] = {"analysis_type": 3, "eig": complex(-35.0, 17442.0), "modal_a": 1j, "modal_b": 1j}
     mode = shape_55(0.0, np.stack([0 * shape, 0 * shape, shape]), **of_complex)
     found, report, _ = imported(write_universal(tmp_path / "c.unv", units_164(), nodes_2411(grid), mode))

@@ -18,7 +18,7 @@ from feeder_sim.measures.catalogue import names_of_measures, values_of_seed
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
-from feeder_sim.run.keep import Keep
+from feeder_sim.run.keep import Retention
 from feeder_sim.run.run_folder import PICKS, record_run
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import (
@@ -72,7 +72,7 @@ def test_measures_do_not_depend_on_what_is_kept(make: object) -> None:
     scenario = make()  # type: ignore[operator]
     whole = feeder_sim.simulate(scenario)
     assert names_of_measures(whole.prepared) == list(values_of_seed(whole.prepared, whole.seeds[0]))
-    choices: list[Keep] = [EveryNth(7), StatisticsOnly()]
+    choices: list[Retention] = [EveryNth(7), StatisticsOnly()]
     choices += [ImpactsOnly()] if scenario.guide else []
     for record in choices:
         kept = feeder_sim.simulate(whole.prepared, record=record)

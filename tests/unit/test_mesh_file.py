@@ -121,7 +121,7 @@ def test_facets_of_no_area_are_left_out_and_said(sliver: tuple[float, ...], tmp_
     raw = NUT_ON_STRIP | {"part": [{"shape": "mesh", "file": str(tmp_path / "part.stl"), "material": "steel"}]}
     assert any(
         "1 facet of no area" in line
-        for line in prepare(parse_scenario(toml_of(raw), file=tmp_path / "scenario.toml")).cautions
+        for line in prepare(parse_scenario(toml_of(raw), file=tmp_path / "scenario.toml")).warnings
     )
 
 
@@ -355,23 +355,23 @@ def test_scenario_and_record_know_the_pieces(hook: Path) -> None:
     assert set(input_hashes(scenario)) == {"part[0].file", "part[0].pieces"}
     prepared = prepare(scenario)
     assert len(prepared.scene.kinds[0].pieces) == 6
-    assert not [line for line in prepared.cautions if "hull" in line]
+    assert not [line for line in prepared.warnings if "hull" in line]
 
 
 def test_what_the_hull_hides_is_said(hook: Path) -> None:
     scenario = scenario_of(hook)
     assert set(input_hashes(scenario)) == {"part[0].file"}
-    (line,) = [line for line in prepare(scenario).cautions if "hull" in line]
+    (line,) = [line for line in prepare(scenario).warnings if "hull" in line]
     assert line.startswith("part[0]: its hull has 2.1 times its volume: parts cannot hook or nest")
     assert "pieces is given, allowed is none" in refusal(scenario_of, hook, pieces="hook_pieces.obj")
     alone = scenario.changed({"part[0].count": 1})
-    assert not [line for line in prepare(alone).cautions if "hull" in line]
+    assert not [line for line in prepare(alone).warnings if "hull" in line]
 
 
 def test_too_many_corners_are_said(tmp_path: Path) -> None:
     trimesh.creation.icosphere(subdivisions=3, radius=3.0).export(tmp_path / "hook.stl")
     scenario = scenario_of(tmp_path / "hook.stl", corner_error_um=5.0)
-    (line,) = [line for line in prepare(scenario).cautions if "corner" in line]
+    (line,) = [line for line in prepare(scenario).warnings if "corner" in line]
     found = re.fullmatch(r"part\[0\]\.corner_error_um: is 5, (\d+) corners leave (\d+) um, and no part .* 128", line)
     assert found is not None and int(found[1]) <= 128 and 50 < int(found[2]) < 200
 

@@ -137,6 +137,7 @@ def test_plates_that_cannot_be_meant_are_refused(change: Raw, expected: str, tmp
     check_refused(feeder_sim("modes", tmp_path / "plate.toml"), "plate.toml", expected)
 
 
+@pytest.mark.slow  # 80 s: finite elements of fourth degree on a plate of 400 x 8 mm
 def test_a_rectangle_that_the_series_does_not_resolve_is_computed_by_elements(tmp_path: Path) -> None:
     """As bending modes of a beam of 400 mm; the twentieth would need more polynomials than there are."""
     strip = {"length_mm": 400.0, "width_mm": 8.0, "thickness_mm": 1.0, "highest_frequency_hz": 9000.0}

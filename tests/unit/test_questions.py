@@ -108,12 +108,12 @@ def test_speed_map(tmp_path: Path) -> None:
     found = feeder_sim.speed_map(scenario, *asked, out=tmp_path / "m", **how)
     assert found.complete and [point.frequency_hz for point in found.points] == [4000.0, 4000.0, 5000.0, 5000.0]
     check_shown(found)
-    assert found.plot().get_xlabel() == "drive frequency (Hz)" and list(found.cautions) == []
+    assert found.plot().get_xlabel() == "drive frequency (Hz)" and list(found.warnings) == []
     read = feeder_sim.open_study(tmp_path / "m")
     assert repr(read) == repr(found) and read.table() == found.table() and read.complete
     uncertain = scenario.changed({"uncertain": {FRICTION: {"uniform": [0.2, 0.4]}}})
     found = feeder_sim.speed_map(uncertain, *asked, **how)
-    assert "contact.friction: uncertain inputs" in found.cautions[0].text and repr(found).endswith(", 1 caution>")
+    assert "contact.friction: uncertain inputs" in found.warnings[0].text and repr(found).endswith(", 1 warning>")
 
 
 def test_stopped_is_not_complete() -> None:

@@ -194,17 +194,17 @@ def test_plate_and_text_fill_the_pane(sides: tuple[float, float]) -> None:
     half = 0.5 * np.array(sides)
     box = Box(np.array([*-half, -3.0]), np.array([*half, 0.0]))
     points = np.vstack([box.framed(2), legend_places(box, 5)])
-    seen = scene_eye(box, 5, "picture").seen(points, scene_aspect(box, "picture"))
-    assert np.abs(seen).max() < 1.0
-    assert np.abs(seen[:, 0]).max() > 0.95 or np.abs(seen[:, 1]).max() > 0.95
+    projected = scene_eye(box, 5, "picture").project(points, scene_aspect(box, "picture"))
+    assert np.abs(projected).max() < 1.0
+    assert np.abs(projected[:, 0]).max() > 0.95 or np.abs(projected[:, 1]).max() > 0.95
 
 
 def test_eye_is_as_near_as_it_can_be() -> None:
     points = np.random.default_rng(1).uniform(-50.0, 50.0, (30, 3))
     eye = framing(points, 1.3)
-    seen = eye.seen(points, 1.3)
-    assert np.abs(seen).max() == pytest.approx(0.96, abs=1e-6)
-    assert seen.max(axis=0) == pytest.approx(-seen.min(axis=0), abs=1e-6)
+    projected = eye.project(points, 1.3)
+    assert np.abs(projected).max() == pytest.approx(0.96, abs=1e-6)
+    assert projected.max(axis=0) == pytest.approx(-projected.min(axis=0), abs=1e-6)
 
 
 def test_one_small_part_is_shown_in_its_cell(tmp_path: Path) -> None:

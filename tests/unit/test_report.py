@@ -252,7 +252,7 @@ def test_uncertain_inputs_of_a_run_are_said(tmp_path: Path, undrawn: None) -> No
 def test_everything_in_a_page_is_escaped() -> None:
     bad = "</td><script>alert(1)</script>\x00\u202e"
     table = Table(bad, (bad, bad), ((bad, bad),))
-    page = Document(bad, bad, (), (Text(bad, "caution"),), (Section(bad, (Text(bad, "code"), table)),), bad)
+    page = Document(bad, bad, (), (Text(bad, "warning"),), (Section(bad, (Text(bad, "code"), table)),), bad)
     text = page.html()
     assert "<script" not in text and "\x00" not in text and "\u202e" not in text
     assert checked(text).text.count("</td><script>alert(1)</script>\\x00\\u202e") == 12

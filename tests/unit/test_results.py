@@ -19,10 +19,10 @@ from test_keep import bouncing, picking
 
 import feeder_sim
 from feeder_sim.api.opened import OpenedRun
-from feeder_sim.api.progress import shown
+from feeder_sim.api.progress import progress_bar
 from feeder_sim.errors import InputError
 from feeder_sim.measures import catalogue
-from feeder_sim.measures.protocol import Found
+from feeder_sim.measures.protocol import FindingsBase
 from feeder_sim.run.run_folder import SUMMARY, scenario_toml
 from feeder_sim.scenario import HexNut, Rectangle, Scenario, Start
 
@@ -132,8 +132,8 @@ def test_reprs_are_short(run: Path) -> None:
     assert "[uncertain.&quot;contact.friction&quot;]\nuniform = [0.2, 0.4]" in uncertain._repr_html_()
     (of_uncertain,) = feeder_sim.measure_drift([uncertain])
     for value in (of_uncertain, feeder_sim.simulate(uncertain)):
-        (caution,) = (line for line in value.cautions if "contact.friction: uncertain inputs" in line)
-        assert f"caution: {caution}" in value._repr_html_()
+        (warning,) = (line for line in value.warnings if "contact.friction: uncertain inputs" in line)
+        assert f"warning: {warning}" in value._repr_html_()
     assert "&lt;i&gt;" in scenario.changed({"title": "<i>"})._repr_html_()
 
 
@@ -157,7 +157,7 @@ def test_findings_of_many_stages_are_a_line_and_tables() -> None:
 def test_every_measure_has_findings_with_a_short_repr() -> None:
     for name in ("drift", "bounces", "separation", "poses", "refills", "rate", "arrivals", "circulation"):
         findings = get_type_hints(getattr(feeder_sim.Result, name).fget, vars(catalogue))["return"]
-        assert issubclass(findings, Found) and findings.__repr__ is Found.__repr__, name
+        assert issubclass(findings, FindingsBase) and findings.__repr__ is FindingsBase.__repr__, name
 
 
 def test_repr_of_a_table_makes_it_again() -> None:
@@ -256,7 +256,7 @@ def test_progress_shows_a_bar(capsys: pytest.CaptureFixture[str]) -> None:
     seen: list[float] = []
     feeder_sim.simulate(strip_scenario(), progress=seen.append)
     assert seen[-1] == 1.0
-    with shown(False, "") as (show, notify):
+    with progress_bar(False, "") as (show, notify):
         assert show is None and notify is None
     assert capsys.readouterr().err == ""
 

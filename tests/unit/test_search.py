@@ -145,7 +145,7 @@ def test_values_that_are_not_allowed_together_do_not_end_a_search(tmp_path: Path
         (False, -1.0, ""),
     ],
 )
-def test_a_best_recipe_that_is_not_surely_better_has_a_caution(largest: bool, gain: float, said: str) -> None:
+def test_a_best_recipe_that_is_not_surely_better_has_a_warning(largest: bool, gain: float, said: str) -> None:
     space = Space.of(strip_scenario(amplitude_um=1.0), OVER[:1])
     present = Checked({AMPLITUDE: 1.0}, (5.0, 6.0, 7.0, 8.0))
     scatter = (0.003, -0.001, -0.004, 0.002)
@@ -153,7 +153,7 @@ def test_a_best_recipe_that_is_not_surely_better_has_a_caution(largest: bool, ga
     question, aim = OptimiseQuestion.of(over=OVER[:1], maximise="speed"), Aim("speed", largest, 4)
     found = Search(question, space, aim, (), present, best, complete=True)
     assert re.search(said, found.doubt) if said else found.doubt == ""
-    assert [caution.text for caution in found.cautions] == ([found.doubt] if said else [])
+    assert [warning.text for warning in found.warnings] == ([found.doubt] if said else [])
     same = replace(found, best=present)
     assert "no recipe was found that is better than that of the file, which is the one in" in same.doubt
     assert replace(found, best=None).doubt == ""
@@ -172,14 +172,14 @@ def test_a_search_whose_best_recipe_is_worse_with_fresh_seeds_says_so(
     use(Pretended(values_of), monkeypatch)
     asked = (*ASKED, "--trials", 16, "--out", tmp_path)
     done = feeder_sim(*asked)
-    assert done.returncode == 0 and "feeder-sim: caution: no recipe was found that is better" in done.stderr
+    assert done.returncode == 0 and "feeder-sim: warning: no recipe was found that is better" in done.stderr
     rows = list(csv.DictReader((tmp_path / "trials.csv").read_text().splitlines()))
     none = [row for row in rows if not row["mean"]]
     assert none and all(row["refused"] == f"drive[0]: asks for {row[AMPLITUDE]} um" for row in none)
     assert not any(row["refused"] for row in rows if row["mean"])
     assert f"without a value  {len(none)}, mostly: {none[0]['refused']}" in done.stdout
     told = json.loads(feeder_sim(*asked, "--json").stdout)
-    assert len(told["cautions"]) == 1
+    assert len(told["warnings"]) == 1
     assert told["without_value"] == {"trials": len(none), "mostly": none[0]["refused"]}
 
 

@@ -20,7 +20,7 @@ import feeder_sim
 from feeder_sim import sweep
 from feeder_sim.errors import FeederSimError
 from feeder_sim.jobs.runner import Bench, run_work
-from feeder_sim.jobs.task import SeedValues, Task, cautions_over, run_task
+from feeder_sim.jobs.task import SeedValues, Task, run_task, warnings_over
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.records.seed import Seed
 from feeder_sim.run.provenance import identity_of
@@ -59,27 +59,27 @@ def test_a_task_says_why_it_cannot_be_run_and_what_misleads() -> None:
     misleading = strip_scenario(duration_s=0.02).changed({"run.in_plane_velocity": False})
     (failed,), (told,) = (run_task(Task(one, identity_of(one), (0,))) for one in (refused, misleading))
     assert "start.position_mm" in failed.failure and not failed.values
-    assert [line.partition(" ")[0] for line in told.cautions] == ["run.in_plane_velocity"]
+    assert [line.partition(" ")[0] for line in told.warnings] == ["run.in_plane_velocity"]
     for seed in (failed, told):
         entry = json.loads(json.dumps(seed.as_entry()))
         assert SeedValues.of_entry(entry) == seed
-        entry.pop("cautions", None)  # as journals had it once
-        assert SeedValues.of_entry(entry) == replace(seed, cautions=())
+        entry.pop("warnings", None)  # as journals had it once
+        assert SeedValues.of_entry(entry) == replace(seed, warnings=())
     with pytest.raises(FeederSimError, match="another version of the package"):
         run_task(Task(misleading, "of another version", (0,)))
 
 
-def test_a_caution_is_told_once_for_all_points() -> None:
+def test_a_warning_is_given_once_for_all_points() -> None:
     """Also where its numbers are those of each point."""
     lines = [("run.planar is true: no",), ("run.planar is true: no", "drive[0]: by 3.2 um"), ("drive[0]: by 2e+03 um",)]
     places = [[SeedValues(seed, {}, 0.1, "", told) for seed in range(2)] for told in lines]
-    assert [caution.in_words() for caution in cautions_over([*places, []])] == [
+    assert [warning.in_words() for warning in warnings_over([*places, []])] == [
         "run.planar is true: no (at 2 of 3 points)",
         "drive[0]: by 3.2 um (at 2 of 3 points, the numbers are those of the first)",
     ]
-    assert [caution.in_words() for caution in cautions_over(places[:1])] == ["run.planar is true: no"]
+    assert [warning.in_words() for warning in warnings_over(places[:1])] == ["run.planar is true: no"]
     other = [SeedValues(0, {}, 0.1, "", ("drive[1]: by 3.2 um",))]
-    assert len(cautions_over([places[1], other])) == 3  # of another drive
+    assert len(warnings_over([places[1], other])) == 3  # of another drive
 
 
 class Elsewhere(ThreadPoolExecutor):

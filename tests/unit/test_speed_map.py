@@ -123,7 +123,7 @@ def test_an_interrupted_map_has_a_table_and_a_picture(tmp_path: Path, monkeypatc
     assert page.returncode == 0 and "not complete" in (out / "report.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("command", ["map", "drift-map"])
+@pytest.mark.parametrize("command", [pytest.param("map", marks=pytest.mark.slow), "drift-map"])
 def test_uncertain_inputs_that_are_not_drawn_are_said(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -135,8 +135,8 @@ def test_uncertain_inputs_that_are_not_drawn_are_said(
     friction = "contact.friction = { uniform = [0.2, 0.4] }"
     (tmp_path / "u.toml").write_text(f"{SCENARIO.read_text()}\n[uncertain]\n{friction}\n")
     done = feeder_sim(command, str(tmp_path / "u.toml"), "--out", str(tmp_path / "made.npz"))
-    assert "feeder-sim: caution: contact.friction: uncertain inputs, which have the values of the" in done.stderr
-    assert feeder_sim(command, str(SCENARIO), "--out", str(tmp_path / "known.npz")).stderr.count("caution") == 0
+    assert "feeder-sim: warning: contact.friction: uncertain inputs, which have the values of the" in done.stderr
+    assert feeder_sim(command, str(SCENARIO), "--out", str(tmp_path / "known.npz")).stderr.count("warning") == 0
 
 
 def point(mean: float, n: int, seeds: int = 12, se: float = 0.1) -> MapPoint:

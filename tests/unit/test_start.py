@@ -121,8 +121,8 @@ def test_hulls_that_reach_into_each_other_are_said(tmp_path: Path) -> None:
     trimesh.creation.box(extents=[4.0, 4.0, 2.0]).export(tmp_path / "box.stl")
     start = placed((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (10.0, 0.0, 0.0))
     mesh = MeshPart(shape="mesh", file=tmp_path / "box.stl", start=start)
-    cautions = prepare(piston_scenario(frequency_hz=500.0, part=mesh)).cautions
-    assert [line for line in cautions if "the hulls of part_0 and part_1 overlap by" in line]
+    warnings = prepare(piston_scenario(frequency_hz=500.0, part=mesh)).warnings
+    assert [line for line in warnings if "the hulls of part_0 and part_1 overlap by" in line]
 
 
 def test_heap_of_99_nuts_does_not_overlap_and_stands_in_its_column() -> None:
@@ -223,7 +223,7 @@ def test_as_many_places_as_parts() -> None:
 def test_a_part_that_touches_the_wall_is_not_refused() -> None:
     prepared = prepare(rim_scenario(box(Start(position_mm=(-27.0, 28.0), **UPRIGHT))))
     assert len(start_poses(prepared.scene, np.random.default_rng(0))) == 1
-    assert not prepared.cautions
+    assert not prepared.warnings
 
 
 @pytest.mark.parametrize(
@@ -236,7 +236,7 @@ def test_a_part_that_touches_the_wall_is_not_refused() -> None:
     ids=["attitude drawn", "state", "scattered"],
 )
 def test_a_start_in_the_wall_that_nobody_wrote_down_is_warned_of_with_its_depth(start: Any) -> None:
-    (line,) = prepare(rim_scenario(box(start))).cautions
+    (line,) = prepare(rim_scenario(box(start))).warnings
     said = r"part.start: part_0 starts ([\d.]+) mm in the wall of the rim: contact will push it out"
     found = re.fullmatch(said, line)
     assert found is not None
@@ -245,9 +245,9 @@ def test_a_start_in_the_wall_that_nobody_wrote_down_is_warned_of_with_its_depth(
 
 def test_a_part_that_the_plate_reaches_at_the_start_is_warned_of() -> None:
     low = box(Start(drop_height_mm=(0.005, 0.005), **UPRIGHT))
-    (line,) = prepare(rim_scenario(low, phase_deg=90.0)).cautions
+    (line,) = prepare(rim_scenario(low, phase_deg=90.0)).warnings
     assert "part_0 starts 0.015 mm in the plate" in line
-    assert not prepare(rim_scenario(low, phase_deg=0.0)).cautions
+    assert not prepare(rim_scenario(low, phase_deg=0.0)).warnings
 
 
 def hook() -> RigidPart:

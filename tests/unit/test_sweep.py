@@ -256,7 +256,7 @@ def test_command(tmp_path: Path) -> None:
     done = feeder_sim(*asked, "--seeds", 3)
     assert done.returncode == 0, done.stderr
     assert "speed" in done.stdout and "6 points" in done.stdout
-    assert done.stderr == "feeder-sim: caution: drive[0] is strong (at 2 of 6 points)\n"
+    assert done.stderr == "feeder-sim: warning: drive[0] is strong (at 2 of 6 points)\n"
     rows = list(csv.DictReader((out / "sweep.csv").read_text().splitlines()))
     assert list(rows[0]) == [AMPLITUDE, "contact.friction", "measure", "mean", "se", "n", "seeds", "failed"]
     assert len(rows) == 6 and rows[0]["n"] == rows[0]["seeds"] == "3"
@@ -266,7 +266,7 @@ def test_command(tmp_path: Path) -> None:
     assert pyarrow.parquet.read_table(out / "sweep.parquet").to_pylist()[0]["measure"] == "speed"
     told = json.loads(feeder_sim(*asked, "--json").stdout)
     assert told["complete"] and len(told["rows"]) == 6
-    assert told["cautions"] == [{"caution": "drive[0] is strong", "at": 2, "of": 6, "numbers_differ": False}]
+    assert told["warnings"] == [{"warning": "drive[0] is strong", "at": 2, "of": 6, "numbers_differ": False}]
     assert feeder_sim("merge", out).returncode == 0
     before = {file.name: file.read_bytes() for file in out.iterdir()}
     for refused in (feeder_sim(*asked, "--measure", "sped"), feeder_sim("merge", out, "--measure", "sped")):

@@ -54,8 +54,8 @@ def test_page_of_a_sweep(sweep: Path, coarse: None) -> None:
 
 
 def test_page_of_a_sweep_that_has_not_ended(sweep: Path, coarse: None) -> None:
-    caution = {"caution": "run.planar is true: no", "at": 1, "of": 3, "numbers_differ": False}
-    state = {"complete": False, "missing_seeds": 9, "points_short_of_se": 2, "cautions": [caution]}
+    warning = {"warning": "run.planar is true: no", "at": 1, "of": 3, "numbers_differ": False}
+    state = {"complete": False, "missing_seeds": 9, "points_short_of_se": 2, "warnings": [warning]}
     (sweep / "sweep.json").write_text(json.dumps(state))
     question = (sweep / "sweep.toml").read_text().replace("seeds = 4", "seeds = 6").replace(",4", "")
     (sweep / "sweep.toml").write_text(question)

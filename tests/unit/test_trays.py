@@ -181,6 +181,7 @@ def conveyed(**changes: Any) -> Any:
     return simulate(Scenario.model_validate(raw))
 
 
+@pytest.mark.slow
 def test_a_thin_part_on_a_strong_stroke_is_on_the_tray_where_the_tray_is() -> None:
     thin, thick = (conveyed(part=[DISC | {"height_mm": height}]) for height in (0.2, 2.0))
     speeds = [result.conveying.conveying_speed_mm_s for result in (thin, thick)]
@@ -276,7 +277,7 @@ def test_what_a_table_loses_is_said_before_the_run(tmp_path: Path) -> None:
     result = feeder_sim("run", tmp_path / "scene.toml", "--out", tmp_path / "run")
     assert (
         result.returncode == 0
-        and "caution: drive[0]: " in result.stderr
+        and "warning: drive[0]: " in result.stderr
         and " g of its table are left out" in result.stderr
     )
     assert "at 1996 Hz" in result.stderr and "corners" not in result.stderr
@@ -285,8 +286,8 @@ def test_what_a_table_loses_is_said_before_the_run(tmp_path: Path) -> None:
 def test_a_surface_that_jumps_is_said_with_stage_and_size() -> None:
     stage = {"name": "lift", "drive": [SHAKEN | {"ring_up": False, "phase_deg": 180.0}], "duration_s": 0.505}
     raw = TRAY | {"drive": [], "schedule": {"cycles": 2, "stage": [stage]}, "run": {"seeds": 1}}
-    (line,) = [line for line in prepare(Scenario.model_validate(raw)).cautions if "jumps" in line]
+    (line,) = [line for line in prepare(Scenario.model_validate(raw)).warnings if "jumps" in line]
     size = 1000.0 * math.sin(math.radians(25.0)) * abs(math.sin(2.0 * math.pi * 30.0 * 0.505))
     assert f"jumps by up to {size:.3g} um" in line and 'stage "lift" of cycle' in line
     even = raw | {"schedule": {"cycles": 2, "stage": [stage | {"duration_s": 0.5}]}}
-    assert not any("jumps" in line for line in prepare(Scenario.model_validate(even)).cautions)
+    assert not any("jumps" in line for line in prepare(Scenario.model_validate(even)).warnings)

@@ -283,6 +283,35 @@ def test_energy_never_grows(bodies: int, contacts: int) -> None:
         assert scene.energy() <= before * (1 + 1e-10)
 
 
+def light_under_heavy(rng: np.random.Generator) -> Scene:
+    """A body on top of a cube that has 1e-5 of its mass, two or three corners of which touch the ground."""
+    ground, top, half, light = int(rng.integers(2, 4)), int(rng.integers(1, 3)), 5e-4, 1e-3 * MASS
+    number = {"e": float(rng.choice([0.0, 0.5])), "mu": float(rng.choice([0.1, 1.0]))}
+    scene, inertia = Scene(2, ground + top), np.full(3, 2 / 3 * half**2)
+    scene.put(0, (0, 0, half), rng.normal(size=3) * 0.05, rng.normal(size=3) * 50, light * inertia, mass=light)
+    at, falling = (*rng.uniform(-5e-3, 5e-3, 2), 6e-3), rng.normal(size=3) * 0.02 - [0, 0, 0.1]
+    scene.put(1, at, falling, rng.normal(size=3), 1e5 * light * 100 * inertia, mass=1e5 * light)
+    corners = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * half
+    for x, y in rng.permutation(corners)[:ground]:
+        scene.touch(WORLD, 0, np.array([x, y, 0.0]), (0, 0, 1), **number)
+    down = np.array([*(0.01 * rng.normal(size=2)), -1.0])
+    for x, y in rng.permutation(corners)[:top]:
+        scene.touch(1, 0, np.array([x, y, 2 * half]), down / np.linalg.norm(down), **number)
+    return scene
+
+
+def test_what_a_heavy_body_presses_onto_the_ground_is_solved() -> None:
+    """Energy never grows, and most contacts obey their laws: where they jam, friction alone does not."""
+    rng, solved = np.random.default_rng(8), 0
+    for _ in range(200):
+        scene = light_under_heavy(rng)
+        energy = scene.energy()
+        settled, before, after = scene.run(lambda *problem: impact(*problem, 3e-6))
+        assert scene.energy() <= energy * (1 + 1e-10)
+        solved += settled and scene.worst(after) < 1e-4 * np.abs(before).max()
+    assert solved >= 165  # 143 without rounds
+
+
 @pytest.mark.parametrize("blocks", [4, 10])
 def test_falling_stacks_settle_and_obey(blocks: int) -> None:
     rng = np.random.default_rng(5)

@@ -69,8 +69,7 @@ MOMENTS = 1e-2 + 5e-3 * np.array([0.5, 0.6, 0.72, 0.8, 0.95, 1.0])  # [s]; the p
 STEP = 2e-6  # [s] between gaps
 ROUGH = 0.02  # of a third derivative, by differences
 LEAPS = 45.0  # 1 / sine of the angle between two lines, at most: the normal of nearly parallel ones is limited
-# Each of these is compiled in a way of its own.
-SLOW = ("rod", "coin", "tube", "rim")
+SLOW = ("rod", "coin", "tube", "rim", "box")  # all but the last are compiled in a way of their own
 EACH_PLATE, EACH_PART = (
     pytest.mark.parametrize(name, [pytest.param(key, marks=pytest.mark.slow) if key in SLOW else key for key in of])
     for name, of in (("plate", PLATES), ("name", PARTS))

@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import changing, from_python, hull_distances, moving_part, rows, symmetric
-from numba import njit
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.borrow import borrow
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse import single_impact
 from feeder_sim.engines.impulse.engine import ImpulseEngine
@@ -23,6 +21,8 @@ from feeder_sim.engines.impulse.parts_engine import COLUMNS
 from feeder_sim.engines.impulse.scratch import new_scratch
 from feeder_sim.engines.impulse.state import new_parts
 from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.machine_code import borrow
+from feeder_sim.machine_code.jit import callable_from_python
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import (
@@ -249,7 +249,7 @@ def masses(scene: Scene) -> np.ndarray:
     return np.array([part.mass for part in scene.parts])
 
 
-@njit
+@callable_from_python
 def borrowed_law(kinds: Any) -> Any:
     """The laws as the inner loops see them."""
     kind = borrow(kinds).record[0]

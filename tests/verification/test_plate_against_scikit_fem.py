@@ -97,7 +97,9 @@ def test_kirchhoff_frequencies() -> None:
     np.testing.assert_allclose(ritz.natural_frequency[:10], expected, rtol=2e-6)
 
 
-@pytest.mark.parametrize("plate", [RECTANGLE, SQUARE], ids=["rectangle", "square"])
+@pytest.mark.parametrize(
+    "plate", [pytest.param(RECTANGLE, id="rectangle"), pytest.param(SQUARE, id="square", marks=pytest.mark.slow)]
+)
 def test_mindlin_frequencies(plate: RectangularPlate) -> None:
     basis = mindlin_basis(plate)
     expected, _ = elastic_modes(mindlin_stiffness.assemble(basis), mindlin_mass.assemble(basis), count=15)

@@ -82,7 +82,9 @@ def round_plate(radii: tuple[float, ...], thickness: float) -> NDArray[np.float6
     return wave * np.sort(found)[:FIRST] ** 2
 
 
-@pytest.mark.parametrize("radii", [(0.1,), (0.1, 0.04)], ids=["disc", "annulus"])
+@pytest.mark.parametrize(
+    "radii", [pytest.param((0.1,), id="disc"), pytest.param((0.1, 0.04), id="annulus", marks=pytest.mark.slow)]
+)
 def test_a_free_round_plate_has_the_frequencies_of_the_closed_form(radii: tuple[float, ...]) -> None:
     expected = round_plate(radii, 2e-4)
     outline = checked_outline([circle(radius) for radius in radii])
@@ -93,7 +95,9 @@ def test_a_free_round_plate_has_the_frequencies_of_the_closed_form(radii: tuple[
     assert len(pairs) > 6 and max(abs(found[i + 1] / found[i] - 1.0) for i in pairs) < 2e-4
 
 
-@pytest.mark.parametrize(("length", "width"), [(0.18, 0.18), (0.16, 0.12), (0.2, 0.05)])
+@pytest.mark.parametrize(
+    ("length", "width"), [(0.18, 0.18), (0.16, 0.12), pytest.param(0.2, 0.05, marks=pytest.mark.slow)]
+)
 def test_a_free_rectangle_has_the_modes_of_the_ritz_method(length: float, width: float) -> None:
     plate = RectangularPlate(length, width, 0.003, ALUMINIUM)
     ritz = plate_modes(plate, highest_frequency=13_000.0)
@@ -126,6 +130,7 @@ def test_a_plate_on_hinges_has_the_frequencies_of_theory() -> None:
     assert np.abs(modes.natural_frequency[:FIRST] / expected - 1.0).max() < 2.0 * WITHIN
 
 
+@pytest.mark.slow
 def test_a_cantilever_has_the_bending_modes_of_a_beam() -> None:
     """Without contraction across it a strip is a beam: (beta l)^2 = 1.8751^2, 4.6941^2, 7.8548^2."""
     length, width, thickness = 0.1, 0.012, 5e-4

@@ -125,6 +125,7 @@ def test_a_ball_stays_in_a_leaning_tube(tilt: float, e: float) -> None:
         assert seed.counts.late_contacts == 0
 
 
+@pytest.mark.slow
 def test_without_play_a_tube_is_a_slide() -> None:
     start = Start(drop_height_mm=(2.0, 2.0))
     found = []

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.borrow import borrow
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
@@ -16,7 +15,7 @@ from feeder_sim.engines.impulse.state import ASLEEP, Kinds, fly_to, orthonormali
 from feeder_sim.engines.impulse.surroundings import Plate
 from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED, WHOLE
-from feeder_sim.machine_code import compiled, entry_point, uncounted
+from feeder_sim.machine_code import borrow, compiled, entry_point, uncounted
 
 ORIGIN, NUMBER, DUE = range(3)  # of the clock
 
@@ -41,7 +40,6 @@ def advance_alone(alone, drive, clock, frames):
 @compiled
 def advance_part(alone, drive, clock, frames):
     """`advance_alone` for compiled functions."""
-    alone, frames = borrow(alone), borrow(frames)
     part, kind, surface = alone.parts[0], alone.kinds.record[0], drive.surface
     start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
     acting = acting_terms(surface, start, end)

@@ -9,32 +9,18 @@ from __future__ import annotations
 
 import math
 
-from numba.extending import overload
-
-from feeder_sim.engines.impulse.state import CIRCLE
 from feeder_sim.machine_code import uncounted
 
 MOST = 5  # points in one plane: two on each circle, one on the round face
 PARALLEL = 1e-9  # [1]
 
 
+@uncounted
 def cross_circles(part, kind, begin, end, n, work):
     """Append to work.corners, after the first n, where a cylinder crosses a piece of the edge; returns their number.
 
     begin, end: of the piece, seen from above (2,) [m]. Nothing for a kind with corners.
     """
-    raise NotImplementedError("for compiled code only")
-
-
-@overload(cross_circles)
-def _cross_by_kind(part, kind, begin, end, n, work):
-    if CIRCLE not in kind.fields:
-        return lambda part, kind, begin, end, n, work: n
-    return lambda part, kind, begin, end, n, work: _cross_circles(part, kind, begin, end, n, work)
-
-
-@uncounted
-def _cross_circles(part, kind, begin, end, n, work):
     if n + MOST > work.corners.shape[0] or n + MOST > work.point.shape[0]:
         return n
     r, radius, height = part.attitude, kind.circle_radius, kind.circle_height

@@ -8,34 +8,18 @@ in the other loses more than it gains, so that no cylinder speeds up on a plate 
 
 from __future__ import annotations
 
-from numba.extending import overload
-
-from feeder_sim.engines.impulse.state import CIRCLE
 from feeder_sim.engines.impulse.vectors import cross, dot, times
 from feeder_sim.machine_code import compiled
 
 TURNED = 0.5  # of the lift; with 0.25 coins and rods of 1 to 20 mm lost energy over all, but not at every moment
 
 
+@compiled
 def lift_by_turning(part, kind, inverse_mass, inverse_inertia, arm, depth):
     """Lift a contact point by a share of its depth [m], if it is on a circle; returns what is left to lift.
 
     arm: from the centre of mass to the point [m]; inverse_inertia: symmetric, in world axes.
     """
-    raise NotImplementedError("for compiled code only")
-
-
-@overload(lift_by_turning)
-def _lift_by_kind(part, kind, inverse_mass, inverse_inertia, arm, depth):
-    if CIRCLE not in kind.fields:
-        return lambda part, kind, inverse_mass, inverse_inertia, arm, depth: depth
-    return lambda part, kind, inverse_mass, inverse_inertia, arm, depth: _lift(
-        part, kind, inverse_mass, inverse_inertia, arm, depth
-    )
-
-
-@compiled
-def _lift(part, kind, inverse_mass, inverse_inertia, arm, depth):
     if kind.circle_radius == 0.0 or depth == 0.0:
         return depth
     moment = arm[1], -arm[0], 0.0  # arm x up

@@ -10,8 +10,6 @@ leaps       what the circles can do between these points until the next look. Ov
                 g + v t - a t^2/2 - R (|s + u t| + (s + u t).e) >= 0
 
             which is a concave function of t with one root
-
-In a scene without free cylinders nothing of this is compiled.
 """
 
 from __future__ import annotations
@@ -19,10 +17,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba.core import types
-from numba.extending import overload
 
-from feeder_sim.engines.impulse.state import CIRCLE, spin_of
+from feeder_sim.engines.impulse.state import spin_of
 from feeder_sim.engines.impulse.surface import HEIGHT, NOW, SPEED, move_surface_under, shapes_under, slope_at
 from feeder_sim.engines.impulse.vectors import cross
 from feeder_sim.machine_code import compiled, inlined, uncounted
@@ -34,99 +30,15 @@ NARROW = 1e-2  # of a leap: how closely the root of a circle's gap is bracketed
 MAX_NARROWINGS = 12
 
 
+@uncounted
 def lowest_points(part, kind, surface, bounds, near, t, work):
     """Find the points of a cylinder at time t [s], in work.corners; nothing for a kind that has corners.
 
     near: height over the crest [m] below which the slope of the surface counts.
 
     Returns:
-        whether the surface has been moved to time t; whether the part has circles, and the slopes under it [1]; None in
-        place of the last where no kind has circles.
+        whether the surface has been moved to time t; whether the part has circles, and the slopes under it [1].
     """
-    raise NotImplementedError("for compiled code only")
-
-
-def is_round(kind):
-    """Whether a kind has circles in place of corners."""
-    raise NotImplementedError("for compiled code only")
-
-
-def tilt_of(lowest, part, kind, work):
-    """How circles lie over the surface and turn: (whether the part has any, s, u [1/s], e); None as for `lowest`."""
-    raise NotImplementedError("for compiled code only")
-
-
-def leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
-    """As `longest_leap`, with the circles of a part."""
-    raise NotImplementedError("for compiled code only")
-
-
-def further_of_circles(tilt, kind, bounds, flight, further, work):
-    """Time further [s] in a forecast, with the circles; negative where one may touch.
-
-    flight: the leap so far, what moving to the side lowers a point by [m/s], own acceleration [m/s^2].
-    """
-    raise NotImplementedError("for compiled code only")
-
-
-@overload(lowest_points)
-def _lowest_points_by_kind(part, kind, surface, bounds, near, t, work):
-    if CIRCLE not in kind.fields:
-        return lambda part, kind, surface, bounds, near, t, work: (False, None)
-    return lambda part, kind, surface, bounds, near, t, work: _lowest_points(part, kind, surface, bounds, near, t, work)
-
-
-@overload(is_round)
-def _round_by_kind(kind):
-    if CIRCLE not in kind.fields:
-        return lambda kind: False
-    return lambda kind: kind.circle_radius > 0.0
-
-
-@overload(tilt_of)
-def _tilt_by_kind(lowest, part, kind, work):
-    if isinstance(lowest, types.NoneType):
-        return lambda lowest, part, kind, work: None
-    return lambda lowest, part, kind, work: _tilt_of(lowest, part, kind, work)
-
-
-@overload(leap_of_circles)
-def _leap_by_tilt(tilt, kind, bounds, own, leap, to_crest, work):
-    if isinstance(tilt, types.NoneType):
-        return lambda tilt, kind, bounds, own, leap, to_crest, work: (leap, to_crest)
-    return lambda tilt, kind, bounds, own, leap, to_crest, work: _leap_of_circles(
-        tilt, kind, bounds, own, leap, to_crest, work
-    )
-
-
-@overload(further_of_circles)
-def _further_by_tilt(tilt, kind, bounds, flight, further, work):
-    if isinstance(tilt, types.NoneType):
-        return lambda tilt, kind, bounds, flight, further, work: further
-    return lambda tilt, kind, bounds, flight, further, work: _further_of_circles(
-        tilt, kind, bounds, flight, further, work
-    )
-
-
-@inlined
-def count_of(kind):
-    """Number of corners, or of points on circles."""
-    return POINTS if is_round(kind) else kind.corner_to - kind.corner_from
-
-
-@inlined
-def lay_out(kind, kinds, work):
-    """Put the corners of a kind into work.corners, where those on circles already are; returns their number."""
-    n = count_of(kind)
-    if not is_round(kind):
-        for i in range(n):
-            for c in range(3):
-                work.corners[i, c] = kinds.corners[kind.corner_from + i, c]
-    return n
-
-
-@uncounted
-def _lowest_points(part, kind, surface, bounds, near, t, work):
     radius, height, r = kind.circle_radius, kind.circle_height, part.attitude
     if radius == 0.0:
         return False, (False, 0.0, 0.0)
@@ -160,7 +72,14 @@ def _lowest_points(part, kind, surface, bounds, near, t, work):
 
 
 @inlined
-def _tilt_of(lowest, part, kind, work):
+def is_round(kind):
+    """Whether a kind has circles in place of corners."""
+    return kind.circle_radius > 0.0
+
+
+@inlined
+def tilt_of(lowest, part, kind, work):
+    """How circles lie over the surface and turn: (whether the part has any, s, u [1/s], e)."""
     round_part, slope_x, slope_y = lowest
     if not round_part:
         return False, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
@@ -178,7 +97,8 @@ def _tilt_of(lowest, part, kind, work):
 
 
 @uncounted
-def _leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
+def leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
+    """As `longest_leap`, with the circles of a part."""
     round_part, s, u, e = tilt
     if not round_part:
         return leap, to_crest
@@ -196,7 +116,11 @@ def _leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
 
 
 @uncounted
-def _further_of_circles(tilt, kind, bounds, flight, further, work):
+def further_of_circles(tilt, kind, bounds, flight, further, work):
+    """Time further [s] in a forecast, with the circles; negative where one may touch.
+
+    flight: the leap so far, what moving to the side lowers a point by [m/s], own acceleration [m/s^2].
+    """
     round_part, s, u, e = tilt
     if not round_part:
         return further
@@ -211,6 +135,23 @@ def _further_of_circles(tilt, kind, bounds, flight, further, work):
         if further <= 0.0:
             return -1.0
     return further
+
+
+@inlined
+def count_of(kind):
+    """Number of corners, or of points on circles."""
+    return POINTS if is_round(kind) else kind.corner_to - kind.corner_from
+
+
+@inlined
+def lay_out(kind, kinds, work):
+    """Put the corners of a kind into work.corners, where those on circles already are; returns their number."""
+    n = count_of(kind)
+    if not is_round(kind):
+        for i in range(n):
+            for c in range(3):
+                work.corners[i, c] = kinds.corners[kind.corner_from + i, c]
+    return n
 
 
 @inlined

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.borrow import borrow
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.contact_problem import (
     ARM_FIRST,
@@ -138,7 +137,7 @@ def _has_stayed(part, begun, kind):
 @entry_point
 def rest_alone(lying, crowd, plate, tools, t):
     """As `rest`, where nothing else is compiled that solves contacts."""
-    rest(borrow(lying), borrow(crowd), borrow(plate), borrow(tools), t)
+    rest(lying, crowd, plate, tools, t)
 
 
 @compiled

@@ -17,9 +17,9 @@ Where many points stick or slip by a hair these steps lead nowhere. Then the law
 
 whose solution is smooth (Chen and Harker, SIAM J. Matrix Anal. 14 (1993) 1168), and the path of the solutions is
 followed from a large blur to none. A step linearises p_t and u_t alike (Chan, Golub and Mulet, SIAM J. Sci. Comput. 20
-(1999) 1964). Bodies that are jammed may have no such path: there sweeps of projected Gauss-Seidel (Jean, CMAME 177
-(1999) 235) go before Newton's steps. They also go first where a velocity may be off by a given speed, from impulses
-of the last problem or none.
+(1999) 1964). Between a heavy body and a light one that leads nowhere either; limited_friction.py goes on from there.
+Sweeps of projected Gauss-Seidel (Jean, CMAME 177 (1999) 235) go first where a velocity may be off by a given speed,
+from impulses of the last problem or none, and last where bodies are jammed.
 """
 
 from __future__ import annotations
@@ -35,14 +35,13 @@ from feeder_sim.machine_code import inlined, uncounted
 A, B, N = range(3)  # directions at a contact: two tangents and the normal; then the tangents again, of spin
 DIRECTIONS, FORCES = 5, 3
 SECOND, OTHER, WIDTH, COUNT = range(4)  # of Room.place
-IMPULSES, BEFORE, KNOWN, RATE, ACROSS, GAP, BEST = range(7)  # of Room.value
+IMPULSES, BEFORE, KNOWN, RATE, ACROSS, GAP, BEST, LIMIT, ROUND = range(9)  # of Room.value
 SLIDES, ROLLS = range(2)  # of Room.limit
 START, NOW, STEP = range(3)  # of Room.motion
 
 ENOUGH = 1e-12  # of the largest approach: how closely contacts are solved
 FLOOR = 4e-15  # of the largest speed, which is round-off
 LEAST = 1e-11  # [m/s]; what does not count
-NEARLY = 1e-4  # of the largest speed: what may be left after all attempts, where bodies are jammed
 # What follows was chosen by trial on thousands of random heaps, stacks and rides.
 STIFF, STIFFEST = 1e8, 1e10  # largest changes of an impulse, in effective masses, with the velocity
 NEWTONS, PATIENCE = 12, 3  # steps by the laws themselves; those that may lead nowhere, one after the other
@@ -67,11 +66,11 @@ class Room(NamedTuple):
 
     rows: what it is in each direction at a contact; push: what an impulse in that direction does to it; both (n,
     DIRECTIONS, width), of the second body and then of the first, or of the modes. place (n, 4): where in the motion
-    these begin, the width of the latter, the number of directions. value (7, n, DIRECTIONS): IMPULSES; relative
+    these begin, the width of the latter, the number of directions. value (9, n, DIRECTIONS): IMPULSES; relative
     velocity BEFORE; KNOWN: that of the world, negative; RATE: effective inverse mass; ACROSS: its largest, of both
-    tangents (A) and of both spins (FORCES); GAP and BEST: impulses on the way. limit (n, 2): tangential impulse and
-    moment, as shares of the normal impulse. target (n,) [m/s]. law (n, DIRECTIONS, DIRECTIONS): by how much impulses
-    fall when velocities rise. motion: (3, all); matrix: (all, all).
+    tangents (A) and of both spins (FORCES); GAP and BEST: impulses on the way; LIMIT, ROUND: of limited_friction.py.
+    limit (n, 2): tangential impulse and moment, as shares of the normal impulse. target (n,) [m/s]. law (n,
+    DIRECTIONS, DIRECTIONS): by how much impulses fall when velocities rise. motion: (3, all); matrix: (all, all).
     """
 
     rows: NDArray[np.float64]
@@ -93,7 +92,7 @@ def room_for(bodies: int, contacts: int, shapes: int) -> Room:
         rows=np.zeros((contacts, DIRECTIONS, width)),
         push=np.zeros((contacts, DIRECTIONS, width)),
         place=np.zeros((contacts, 4), np.int64),
-        value=np.zeros((7, contacts, DIRECTIONS)),
+        value=np.zeros((9, contacts, DIRECTIONS)),
         limit=np.zeros((contacts, 2)),
         target=np.zeros(contacts),
         law=np.zeros((contacts, DIRECTIONS, DIRECTIONS)),
@@ -106,11 +105,11 @@ def room_for(bodies: int, contacts: int, shapes: int) -> Room:
 @inlined
 def relative(room, i, k):
     """Relative velocity [m/s], or spin [rad/s], in direction k at contact i."""
-    return _along(room, i, k, NOW) + room.value[KNOWN, i, k]
+    return along(room, i, k, NOW) + room.value[KNOWN, i, k]
 
 
 @inlined
-def _place(room, i, which):
+def place_of(room, i, which):
     """A number of contact i; told to the compiler to be an index, it makes loops twice as fast."""
     return min(max(room.place[i, which], 0), LARGEST)
 
@@ -118,19 +117,19 @@ def _place(room, i, which):
 @inlined
 def _coupling(room, i, k, m):
     total = 0.0
-    for x in range(6 + _place(room, i, WIDTH)):
+    for x in range(6 + place_of(room, i, WIDTH)):
         total += room.rows[i, k, x] * room.push[i, m, x]
     return total
 
 
 @inlined
-def _along(room, i, k, which):
+def along(room, i, k, which):
     """What a motion is in direction k at contact i."""
-    second, other = _place(room, i, SECOND), _place(room, i, OTHER)
+    second, other = place_of(room, i, SECOND), place_of(room, i, OTHER)
     total = 0.0
     for x in range(6):
         total += room.rows[i, k, x] * room.motion[which, second + x]
-    for x in range(_place(room, i, WIDTH)):
+    for x in range(place_of(room, i, WIDTH)):
         total += room.rows[i, k, 6 + x] * room.motion[which, other + x]
     return total
 
@@ -138,10 +137,10 @@ def _along(room, i, k, which):
 @inlined
 def _push(room, i, k, p, which):
     """Change a motion by an impulse p in direction k at contact i."""
-    second, other = _place(room, i, SECOND), _place(room, i, OTHER)
+    second, other = place_of(room, i, SECOND), place_of(room, i, OTHER)
     for x in range(6):
         room.motion[which, second + x] += p * room.push[i, k, x]
-    for x in range(_place(room, i, WIDTH)):
+    for x in range(place_of(room, i, WIDTH)):
         room.motion[which, other + x] += p * room.push[i, k, 6 + x]
 
 
@@ -151,18 +150,18 @@ def begin(room, n, size):
     forget(room, n)
     make_motion(room, n, size)
     for i in range(n):
-        for k in range(_place(room, i, COUNT)):
+        for k in range(place_of(room, i, COUNT)):
             room.value[BEFORE, i, k] = relative(room, i, k)
             room.value[RATE, i, k] = _coupling(room, i, k, k)
-        for k in range(0, _place(room, i, COUNT), FORCES):
+        for k in range(0, place_of(room, i, COUNT), FORCES):
             s, t = room.value[RATE, i, k], room.value[RATE, i, k + 1]
-            room.value[ACROSS, i, k] = 0.5 * (s + t) + _length(0.5 * (s - t), _coupling(room, i, k, k + 1))
+            room.value[ACROSS, i, k] = 0.5 * (s + t) + length(0.5 * (s - t), _coupling(room, i, k, k + 1))
 
 
 @inlined
 def forget(room, n):
     for i in range(n):
-        for k in range(_place(room, i, COUNT)):
+        for k in range(place_of(room, i, COUNT)):
             room.value[IMPULSES, i, k] = 0.0
 
 
@@ -172,7 +171,7 @@ def make_motion(room, n, size):
     for x in range(size):
         room.motion[NOW, x] = room.motion[START, x]
     for i in range(n):
-        for k in range(_place(room, i, COUNT)):
+        for k in range(place_of(room, i, COUNT)):
             if room.value[IMPULSES, i, k] != 0.0:
                 _push(room, i, k, room.value[IMPULSES, i, k], NOW)
 
@@ -190,21 +189,6 @@ def accuracy(room, n, closely):
 
 
 @uncounted
-def settle(room, n, size, closely):
-    """Solve for impulses and motion, from impulses as they are; returns whether every contact obeys its laws.
-
-    closely: what may be left of a velocity [m/s].
-    """
-    enough, approach, speed, fastest = accuracy(room, n, closely)
-    if _newtons(room, n, size, enough):
-        return True
-    blur = max(approach, fastest)
-    if _follow_path(room, n, size, blur, TRIED * closely if closely > 0.0 else SHARP * blur, enough):
-        return True
-    return _sweeps(room, n, size, enough, NEARLY * speed)
-
-
-@uncounted
 def sweeps_settle(room, n, size, closely):
     """Sweep from impulses as they are; returns whether every contact obeys its laws, else there are no impulses.
 
@@ -215,7 +199,7 @@ def sweeps_settle(room, n, size, closely):
     for near in (NEAR, NEARER):
         if not _sweep_until(room, n, size, near * closely, WARM):
             break
-        error = _linearise(room, n, closely) / closely
+        error = linearise(room, n, closely) / closely
         if error <= SURE or (error <= 1.0 and (_step_closer(room, n, size, closely, error) or near == NEARER)):
             return True
     forget(room, n)
@@ -225,19 +209,19 @@ def sweeps_settle(room, n, size, closely):
 @inlined
 def _step_closer(room, n, size, closely, error):
     """Take Newton's step from an error [closely]; False, and nothing has changed, where that does not lead closer."""
-    _copy(room, IMPULSES, BEST, n)
+    copy(room, IMPULSES, BEST, n)
     led = _newton(room, n, size)
     make_motion(room, n, size)
-    if led and _linearise(room, n, closely) < error * closely:
+    if led and linearise(room, n, closely) < error * closely:
         return True
-    _go_back(room, n, size)
+    go_back(room, n, size)
     return False
 
 
 @inlined
-def _go_back(room, n, size):
+def go_back(room, n, size):
     """To the impulses and motion of BEST."""
-    _copy(room, BEST, IMPULSES, n)
+    copy(room, BEST, IMPULSES, n)
     make_motion(room, n, size)
 
 
@@ -251,7 +235,7 @@ def _sweep_until(room, n, size, small, most):
     """
     last, ratio, sweeps = math.inf, 0.0, 0
     for _ in range(most):
-        _copy(room, IMPULSES, BEST, n)
+        copy(room, IMPULSES, BEST, n)
         change = _sweep(room, n)
         if change <= small:
             return True
@@ -274,7 +258,7 @@ def _repeat_change(room, n, size, times):
     if times == math.inf:
         return False
     for i in range(n):
-        p, count = room.value[IMPULSES, i], _place(room, i, COUNT)
+        p, count = room.value[IMPULSES, i], place_of(room, i, COUNT)
         for k in range(count):
             p[k] += times * (p[k] - room.value[BEST, i, k])
         _keep_in_cones(room, i, count)
@@ -298,12 +282,12 @@ def come_near(room, n, size, closely):
 
 
 @uncounted
-def _newtons(room, n, size, enough):
+def newtons(room, n, size, enough):
     """Steps by the laws themselves, as long as they lead closer; returns whether the error is small enough."""
     best, stale = math.inf, 0
     for _ in range(NEWTONS):
         make_motion(room, n, size)
-        error = _linearise(room, n, enough)
+        error = linearise(room, n, enough)
         if error <= enough:
             return True
         stale = 0 if error < best else stale + 1
@@ -314,11 +298,12 @@ def _newtons(room, n, size, enough):
 
 
 @uncounted
-def _follow_path(room, n, size, blur, tried, enough):
+def follow_path(room, n, size, blur, closely, enough):
     """Follow the solution of blurred laws from a large blur [m/s] to none; returns whether it leads to the end.
 
-    tried: from which blur on the laws themselves are tried.
+    closely: of `settle`; near it, or near none, the laws themselves are tried.
     """
+    tried = TRIED * closely if closely > 0.0 else SHARP * blur
     forget(room, n)
     for i in range(n):
         room.value[IMPULSES, i, N] = blur / (n * room.value[RATE, i, N])
@@ -327,13 +312,13 @@ def _follow_path(room, n, size, blur, tried, enough):
         make_motion(room, n, size)
         error = _linearise_blurred(room, n, blur)
         if error <= CENTRED * blur:
-            _copy(room, IMPULSES, BEST, n)
+            copy(room, IMPULSES, BEST, n)
             if blur <= tried:
-                if _newtons(room, n, size, enough):
+                if newtons(room, n, size, enough):
                     return True
                 if blur <= LEAST_BLUR * enough:
                     return False
-                _go_back(room, n, size)
+                go_back(room, n, size)
                 tried = AGAIN * blur
             sharper = max(sharper * sharper, 0.1 * SHARPER) if stale < 2 else sharper
             sharp, blur, followed, stale = blur, max(sharper * blur, LEAST_BLUR * enough), True, 0
@@ -345,7 +330,7 @@ def _follow_path(room, n, size, blur, tried, enough):
                 if sharper > SHORTEST:
                     return False
                 blur = sharper * sharp
-                _go_back(room, n, size)
+                go_back(room, n, size)
                 _linearise_blurred(room, n, blur)
         if not _newton(room, n, size):
             return False
@@ -353,7 +338,7 @@ def _follow_path(room, n, size, blur, tried, enough):
 
 
 @uncounted
-def _sweeps(room, n, size, enough, nearly):
+def sweep_in_batches(room, n, size, enough, nearly):
     """Sweep, and try Newton's method from where sweeps lead; returns whether the error is small enough, or nearly."""
     forget(room, n)
     make_motion(room, n, size)
@@ -361,41 +346,41 @@ def _sweeps(room, n, size, enough, nearly):
     for _ in range(BATCHES):
         for _ in range(sweeps):
             _sweep(room, n)
-        _copy(room, IMPULSES, BEST, n)
-        if _newtons(room, n, size, enough):
+        copy(room, IMPULSES, BEST, n)
+        if newtons(room, n, size, enough):
             return True
-        _go_back(room, n, size)
+        go_back(room, n, size)
         sweeps *= 2
-    return _linearise(room, n, enough) < nearly
+    return linearise(room, n, enough) < nearly
 
 
 @uncounted
-def _copy(room, source, target, n):
+def copy(room, source, target, n):
     for i in range(n):
         for k in range(DIRECTIONS):
             room.value[target, i, k] = room.value[source, i, k]
 
 
 @uncounted
-def _linearise(room, n, enough):
+def linearise(room, n, enough):
     """How impulses change, GAP - law (change of velocity), by the laws of contact; returns their error now [m/s]."""
     worst = 0.0
     for i in range(n):
         p, law, gap, rate = room.value[IMPULSES, i], room.law[i], room.value[GAP, i], room.value[RATE, i]
-        count = _place(room, i, COUNT)
+        count = place_of(room, i, COUNT)
         for k in range(count):
             for m in range(count):
                 law[k, m] = 0.0
-        along = relative(room, i, N) - room.target[i]
-        pressed = p[N] - along / rate[N]
+        parts = relative(room, i, N) - room.target[i]
+        pressed = p[N] - parts / rate[N]
         worst = max(worst, abs(p[N] - max(pressed, 0.0)) * rate[N])
         if pressed < -enough / rate[N]:  # open
             for k in range(count):
                 gap[k] = -p[k]
-            worst = max(worst, _length(p[A], p[B]) * (rate[A] + rate[B]))
+            worst = max(worst, length(p[A], p[B]) * (rate[A] + rate[B]))
             continue
         law[N, N] = STIFF / rate[N]
-        gap[N] = -law[N, N] * along
+        gap[N] = -law[N, N] * parts
         error = _linearise_disc(room, i, A, room.limit[i, SLIDES], max(pressed, 0.0))
         worst = max(worst, error * (rate[A] + rate[B]))
         if count > FORCES:
@@ -417,7 +402,7 @@ def _linearise_disc(room, i, k, share, pressed):
         law[k, k] = law[k + 1, k + 1] = stiff
         gap[k], gap[k + 1] = -stiff * x, -stiff * y
         return r * math.sqrt(x * x + y * y)
-    error = _length(p[k] - limit * s / size, p[k + 1] - limit * t / size)
+    error = length(p[k] - limit * s / size, p[k + 1] - limit * t / size)
     # Slips: p_t = share p.n (s, t), and a change of velocity across turns that direction.
     s, t, edge = p[k] - stiff * x, p[k + 1] - stiff * y, share * p[N]
     size = math.sqrt(s * s + t * t)
@@ -436,7 +421,7 @@ def _linearise_blurred(room, n, blur):
     worst = 0.0
     for i in range(n):
         p, law, gap, rate = room.value[IMPULSES, i], room.law[i], room.value[GAP, i], room.value[RATE, i]
-        count = _place(room, i, COUNT)
+        count = place_of(room, i, COUNT)
         for k in range(count):
             for m in range(count):
                 law[k, m] = 0.0
@@ -470,12 +455,33 @@ def _blur_disc(room, i, k, share, blur):
     law[k, N], law[k + 1, N] = -share * s * law[N, N], -share * t * law[N, N]
     edge = share * (p[N] + gap[N])
     gap[k], gap[k + 1] = -p[k] - edge * s, -p[k + 1] - edge * t
-    return _length(p[k] + limit * s, p[k + 1] + limit * t) * rate * size / (size + limit * rate)
+    return length(p[k] + limit * s, p[k + 1] + limit * t) * rate * size / (size + limit * rate)
 
 
 @uncounted
 def _newton(room, n, size):
     """One step by the linear laws, then back into the cones; False where there is none."""
+    if not newton_step(room, n, size):
+        return False
+    for i in range(n):
+        p, count = room.value[IMPULSES, i], place_of(room, i, COUNT)
+        for k in range(count):
+            p[k] += room.value[GAP, i, k]
+        if _yields(room, i):
+            _keep_in_cones(room, i, count)
+    return True
+
+
+@inlined
+def _yields(room, i):
+    """Whether impulses at contact i change with its velocity."""
+    law = room.law[i]
+    return law[N, N] + law[A, A] + law[B, B] > 0.0
+
+
+@uncounted
+def newton_step(room, n, size):
+    """By how much all change by the linear laws: impulses, in GAP, and the motion; False where nothing does."""
     matrix, step, bent = room.matrix, room.motion[STEP], room.bent
     for x in range(size):
         step[x] = 0.0
@@ -483,13 +489,13 @@ def _newton(room, n, size):
             matrix[x, y] = 0.0
         matrix[x, x] = 1.0
     for i in range(n):
-        count, width = _place(room, i, COUNT), 6 + _place(room, i, WIDTH)
+        count, width = place_of(room, i, COUNT), 6 + place_of(room, i, WIDTH)
         for k in range(count):
             if room.value[GAP, i, k] != 0.0:
                 _push(room, i, k, room.value[GAP, i, k], STEP)
-        if room.law[i, N, N] == 0.0:
+        if not _yields(room, i):
             continue
-        second, other, far = _place(room, i, SECOND), _place(room, i, OTHER), _place(room, i, WIDTH)
+        second, other, far = place_of(room, i, SECOND), place_of(room, i, OTHER), place_of(room, i, WIDTH)
         law, rows, push = room.law[i], room.rows[i], room.push[i]
         for k in range(0, count, FORCES):
             for m in range(k, k + 2):
@@ -513,16 +519,12 @@ def _newton(room, n, size):
     if not solve_equations(matrix, step, size):
         return False
     for i in range(n):
-        p, count = room.value[IMPULSES, i], _place(room, i, COUNT)
-        for k in range(count):
-            p[k] += room.value[GAP, i, k]
-        if room.law[i, N, N] == 0.0:
-            continue
-        for m in range(count):
-            along = _along(room, i, m, STEP)
-            for k in range(count):
-                p[k] -= room.law[i, k, m] * along
-        _keep_in_cones(room, i, count)
+        gap, count = room.value[GAP, i], place_of(room, i, COUNT)
+        if _yields(room, i):
+            for m in range(count):
+                change = along(room, i, m, STEP)
+                for k in range(count):
+                    gap[k] -= room.law[i, k, m] * change
     return True
 
 
@@ -535,14 +537,14 @@ def _keep_in_cones(room, i, count):
 
 
 @inlined
-def _length(x, y):
+def length(x, y):
     """As `math.hypot`, which takes three times as long."""
     return math.sqrt(x * x + y * y)
 
 
 @inlined
 def _keep_in_disc(p, k, limit):
-    size = _length(p[k], p[k + 1])
+    size = length(p[k], p[k + 1])
     if size > limit:
         p[k] *= limit / size
         p[k + 1] *= limit / size
@@ -550,7 +552,10 @@ def _keep_in_disc(p, k, limit):
 
 @uncounted
 def solve_equations(matrix, right, size):
-    """Solve linear equations in place by elimination, with the largest pivot of a column; False where singular."""
+    """Solve linear equations in place by elimination, with the largest pivot of a column; False if none is finite.
+
+    What is 0 stays out of it: of many bodies each touches few.
+    """
     for c in range(size):
         pivot = c
         for x in range(c + 1, size):
@@ -562,18 +567,22 @@ def solve_equations(matrix, right, size):
             right[c], right[pivot] = right[pivot], right[c]
             for y in range(c, size):
                 matrix[c, y], matrix[pivot, y] = matrix[pivot, y], matrix[c, y]
-        inverse = 1.0 / matrix[c, c]
+        inverse, end = 1.0 / matrix[c, c], size
+        while matrix[c, end - 1] == 0.0:
+            end -= 1
         for x in range(c + 1, size):
             share = matrix[x, c] * inverse
             if share != 0.0:
-                for y in range(c + 1, size):
+                for y in range(c + 1, end):
                     matrix[x, y] -= share * matrix[c, y]
                 right[x] -= share * right[c]
+    finite = True
     for c in range(size - 1, -1, -1):
         for y in range(c + 1, size):
             right[c] -= matrix[c, y] * right[y]
         right[c] /= matrix[c, c]
-    return True
+        finite = finite and math.isfinite(right[c])
+    return finite
 
 
 @uncounted
@@ -588,7 +597,7 @@ def _sweep(room, n):
         p[N] = max(0.0, last - (relative(room, i, N) - room.target[i]) / rate[N])
         _push(room, i, N, p[N] - last, NOW)
         most = max(most, abs(p[N] - last) * rate[N])
-        for k in range(0, _place(room, i, COUNT), FORCES):
+        for k in range(0, place_of(room, i, COUNT), FORCES):
             r = 1.0 / room.value[ACROSS, i, k]
             last_s, last_t = p[k], p[k + 1]
             p[k], p[k + 1] = last_s - r * relative(room, i, k), last_t - r * relative(room, i, k + 1)

@@ -48,9 +48,9 @@ from feeder_sim.engines.impulse.contact_equations import (
     make_motion,
     relative,
     room_for,
-    settle,
     sweeps_settle,
 )
+from feeder_sim.engines.impulse.limited_friction import settle
 from feeder_sim.engines.impulse.single_impact import (
     HALVINGS,
     ROUND_OFF,

@@ -29,6 +29,7 @@ from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
 from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
 from feeder_sim.engines.impulse.pairs.due import PAIR
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
+from feeder_sim.engines.impulse.pairs.neighbours import Islands
 from feeder_sim.engines.impulse.pairs.separating_axis import new_meeting
 from feeder_sim.engines.impulse.parts_engine import PartsEngine
 from feeder_sim.engines.impulse.scratch import UNRESOLVED, new_scratch
@@ -36,6 +37,7 @@ from feeder_sim.engines.impulse.state import ABSENT, ALONE, ASLEEP, AWAKE, copie
 from feeder_sim.engines.impulse.surroundings import Bounds, Plate
 from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import SurfaceArrays
+from feeder_sim.machine_code import lasting
 from feeder_sim.records.seed import Counts, Events, impacts_of
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.scene import Scene
@@ -76,9 +78,10 @@ class ImpulseEngine(PartsEngine):
         radii = [*kinds.record["radius"], *np.zeros(len(corners) - len(kinds.record))]  # only a hull is a ball
         self._libraries = [HullLibrary(corners, radii) for _ in range(0 if self._alone else self._threads)]
         self._tools = [
-            Tools(library.hulls(), work, new_meeting(kinds))
+            lasting(Tools(library.hulls(), work, new_meeting(kinds)))
             for library, work in zip(self._libraries, self._work, strict=False)
         ]
+        self._none_lying = [lasting(none_lying(tools)) for tools in self._tools]
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._unresolved = 0
         self._opened = self._parts.copy()
@@ -158,16 +161,22 @@ class ImpulseEngine(PartsEngine):
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
         """Advance all islands, in parallel where there are threads; returns whether a part has left its reach."""
-        owner = share_out(crowd.islands, self._threads)
+        owner = self._owner_of(crowd.islands)
         if self._pool is None:
-            tools = self._tools[0]
-            return bool(advance_islands(Share(owner, 0), crowd, plate, tools, span, frames, none_lying(tools)))
+            none = self._none_lying[0]
+            return bool(advance_islands(Share(owner, 0), crowd, plate, self._tools[0], span, frames, none))
         tasks = [
-            self._pool.submit(advance_islands, Share(owner, i), crowd, plate, tools, span, frames, none_lying(tools))
-            for i, tools in enumerate(self._tools)
+            self._pool.submit(advance_islands, Share(owner, i), crowd, plate, tools, span, frames, none)
+            for i, (tools, none) in enumerate(zip(self._tools, self._none_lying, strict=True))
         ]
         left = [task.result() for task in tasks]  # all of them, also after the first that has
         return any(left)
+
+    def _owner_of(self, islands: Islands) -> NDArray[np.int64]:
+        """Thread of every island."""
+        if self._threads == 1:
+            return np.zeros(len(islands.first_part) - 1, np.int64)
+        return share_out(islands, self._threads)
 
     def _lay_to_rest(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> None:
         """Put to sleep what lies still at the end of a window."""

@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import math
 
-from numba.extending import overload
-
 from feeder_sim.engines.impulse.single_impact import (
     added,
     mobility,
@@ -25,7 +23,7 @@ from feeder_sim.engines.impulse.single_impact import (
 )
 from feeder_sim.engines.impulse.state import EXPONENT, TANGENTIAL, ZENER, inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot
-from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.machine_code import compiled, inlined, overload
 from feeder_sim.plate.zener import TABLE_STEP
 
 ON_PLATE, BETWEEN_PARTS = range(2)  # of restitution and friction

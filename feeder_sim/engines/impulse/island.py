@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.borrow import borrow
 from feeder_sim.engines.impulse.components import rest
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.pairs.collision import meet
@@ -27,7 +26,7 @@ from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.scratch import Scratch
 from feeder_sim.engines.impulse.state import ALONE, ASLEEP, Kinds, fly_to, in_pieces
 from feeder_sim.engines.protocol import ENDED
-from feeder_sim.machine_code import compiled, entry_point, inlined, uncounted
+from feeder_sim.machine_code import borrow, compiled, entry_point, inlined, uncounted
 
 
 class Crowd(NamedTuple):
@@ -82,10 +81,10 @@ def advance_islands(share, crowd, plate, tools, span, frames, lying):
     Both in one, since each entry point compiles all that it calls, and both solve contacts. Returns whether a part has
     come farther than the reach that its possible neighbours were found for.
     """
-    owner, crowd, plate, tools, frames = share.owner, borrow(crowd), borrow(plate), borrow(tools), borrow(frames)
+    owner = share.owner
     left = False
     if lying.found.member.shape[0] > 0:
-        rest(borrow(lying), crowd, plate, tools, span.end)
+        rest(lying, crowd, plate, tools, span.end)
         return left
     for island in range(owner.shape[0]):
         if owner[island] == share.thread:

@@ -50,13 +50,10 @@ def read_kinds(scene: Scene) -> Kinds:
         pieces.append([])
         radius.append(0.0)
     axis = [symmetry_axis(moments) for moments in inertia]
-    symmetric = all(a >= 0 or np.isinf(m) for a, m in zip(axis, mass, strict=True))  # walls do not turn
     circles = np.zeros((len(mass), 2))
     circles[: len(kinds)] = [(kind.circle_radius, kind.corners[:, 2].max()) for kind in kinds]
-    law = _law_fields(contact)
-    record = np.zeros(len(mass), kind_type(general=not symmetric, circles=bool(circles[:, 0].any()), law=law))
-    if circles[:, 0].any():
-        record["circle_radius"], record["circle_height"] = circles.T
+    record = np.zeros(len(mass), kind_type(_law_fields(contact)))
+    record["circle_radius"], record["circle_height"] = circles.T
     record["mass"], record["inertia"], record["radius"], record["axis"] = mass, inertia, radius, axis
     record["reach"] = [  # pieces are thinned by themselves, and may reach farther than the corners
         max(np.linalg.norm(points, axis=1).max() for points in (own, *of))

@@ -21,6 +21,7 @@ from feeder_sim.engines.impulse.surroundings import exactness_of
 from feeder_sim.engines.impulse.window import Drive
 from feeder_sim.engines.protocol import WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.machine_code import lasting
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
@@ -37,9 +38,9 @@ class PartsEngine:
     def __init__(self, scene: Scene, rng: np.random.Generator, *, interrupt: NDArray[np.int64] | None) -> None:
         self._scene = scene
         self._interrupt = new_interrupt() if interrupt is None else interrupt
-        self._kinds, self._exact = read_kinds(scene), exactness_of(scene)
+        self._kinds, self._exact = lasting(read_kinds(scene)), exactness_of(scene)
         self._n = len(scene.parts)
-        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+        self._surface = lasting(surface_arrays(scene.surface, scene.scenario.run))
         self._parts = self._start(rng)
         self._frame = 0
         self._row = self._first_row(self._parts[: self._n])  # the state at the last frame
@@ -91,7 +92,7 @@ class PartsEngine:
     def redrive(self, scene: Scene) -> None:
         self._begin_window_now()
         self._scene = scene
-        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+        self._surface = lasting(surface_arrays(scene.surface, scene.scenario.run))
 
     def _begin_window_now(self) -> None:
         """What happens at the last frame acts on the parts from then on; here on the only one, as it is in that."""

@@ -9,14 +9,12 @@ these points in closed form (circle_crossings.py).
 from __future__ import annotations
 
 import numpy as np
-from numba.core import types
-from numba.extending import overload
 
 from feeder_sim.engines.impulse.circle_crossings import cross_circles
 from feeder_sim.engines.impulse.circles import is_round, lay_out
 from feeder_sim.engines.impulse.state import arm_of, in_pieces, point, top_speed
 from feeder_sim.engines.surface_arrays import edge_distance
-from feeder_sim.machine_code import inlined, uncounted
+from feeder_sim.machine_code import inlined, is_none, overload, uncounted
 
 BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
 MOST_CROSSINGS = 2  # of an edge of the hull with the outline that have room in the scratch space
@@ -36,7 +34,7 @@ def points_on_edge(part, kind, kinds, surface, crest, work):
 def _points_on_edge(part, kind, kinds, surface, crest, work):
     """A plate without an outline has the four sides of its grid."""
     outline = surface.types[surface.fields.index("outline")]
-    if isinstance(outline, types.NoneType):
+    if is_none(outline):
         return lambda part, kind, kinds, surface, crest, work: _points_on_sides(part, kind, kinds, surface, crest, work)
     return lambda part, kind, kinds, surface, crest, work: _points_on_outline(
         part, kind, kinds, surface.outline, crest, work

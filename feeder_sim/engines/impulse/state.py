@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely, rotate_symmetric
+from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely
 from feeder_sim.engines.impulse.vectors import dot, times, vector
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.zener import TABLE_POINTS
@@ -67,7 +66,8 @@ PART = np.dtype(
 # What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
 # symmetry or -1; radius [m] around its corners, their reach from the centre of mass; restitution and friction on the
 # plate (0) and between parts (1), and arm of rolling friction on the plate [m], the same for all kinds; where its
-# corners and edges are in `Kinds`, and the pieces that meet those of other parts.
+# corners and edges are in `Kinds`, and the pieces that meet those of other parts; radius of the two circles of a
+# cylinder, 0 for other kinds, and their height over its centre [m].
 KIND_FIELDS: list[Any] = [
     ("mass", "f8"),
     ("inertia", "f8", 3),
@@ -83,17 +83,14 @@ KIND_FIELDS: list[Any] = [
     ("edge_to", "i8"),
     ("piece_from", "i8"),
     ("piece_to", "i8"),
+    ("circle_radius", "f8"),
+    ("circle_height", "f8"),
 ]
 KIND = np.dtype(KIND_FIELDS, align=True)
-# The same in a scene with a general top, or with free cylinders; the further fields are marks that compilation goes by.
-# They come first, as in every record that extends another: numba takes a record with more fields at its end for one of
-# the shorter kind.
-GENERAL, CIRCLE = "general", "circle_radius"
-GENERAL_FIELDS: list[Any] = [(GENERAL, "i8")]
-# Radius of the two circles of a cylinder, 0 for other kinds, and their height over its centre [m].
-CIRCLE_FIELDS: list[Any] = [(CIRCLE, "f8"), ("circle_height", "f8")]
 # Laws of impact by choice (impact_law.py): restitution that falls with the speed by a power; by Zener's theory, with
-# the inelasticity at 1 m/s, 0 for the walls of a rim, and the table of log e; tangential restitution of balls.
+# the inelasticity at 1 m/s, 0 for the walls of a rim, and the table of log e; tangential restitution of balls. Their
+# fields are marks that compilation goes by. They come first, as in every record that extends another: numba takes a
+# record with more fields at its end for one of the shorter kind.
 EXPONENT, ZENER, TANGENTIAL = "restitution_exponent", "zener_inelasticity", "tangential_restitution"
 EXPONENT_FIELDS: list[Any] = [(EXPONENT, "f8"), ("restitution_speed", "f8")]
 ZENER_FIELDS: list[Any] = [(ZENER, "f8"), ("zener_table", "f8", TABLE_POINTS)]
@@ -133,13 +130,9 @@ class Kinds(NamedTuple):
     piece: NDArray[np.void]
 
 
-def kind_type(*, general: bool, circles: bool, law: Sequence[Any] = ()) -> np.dtype[np.void]:
-    """Type of the records of all kinds: `KIND`, with marks where one is a general top or has circles.
-
-    law: further marks, of laws of impact by choice.
-    """
-    marks = GENERAL_FIELDS * general + CIRCLE_FIELDS * circles
-    return np.dtype([*marks, *law, *KIND_FIELDS], align=True)
+def kind_type(law: Sequence[Any] = ()) -> np.dtype[np.void]:
+    """Type of the records of all kinds: `KIND`, with the marks of laws of impact by choice."""
+    return np.dtype([*law, *KIND_FIELDS], align=True)
 
 
 def new_parts(
@@ -189,7 +182,7 @@ def fly_to(part, kind, t):
             part.position[k] += part.velocity[k] * duration
         part.position[2] -= 0.5 * GRAVITY * duration * duration
         part.velocity[2] -= GRAVITY * duration
-        rotate(part.attitude, part.momentum, kind, duration)
+        rotate_freely(part.attitude, part.momentum, kind.inertia, kind.axis, duration)
         return
     bent = (duration / 3.0 - part.lead) * 0.5 * duration * duration
     turned = (0.5 * duration - part.lead) * duration
@@ -201,26 +194,11 @@ def fly_to(part, kind, t):
         part.momentum[k] += 0.5 * part.moment[k] * duration + part.twist[k] * bent / duration
     part.position[2] -= 0.5 * GRAVITY * duration * duration
     part.velocity[2] -= GRAVITY * duration
-    rotate(part.attitude, part.momentum, kind, duration)  # at the mean of its momentum, to second order
+    rotate_freely(
+        part.attitude, part.momentum, kind.inertia, kind.axis, duration
+    )  # at the mean of its momentum, to second order
     for k in range(3):
         part.momentum[k] += 0.5 * part.moment[k] * duration + part.twist[k] * (turned - bent / duration)
-
-
-def rotate(attitude, momentum, kind, duration):
-    """Advance an attitude; for compiled code only."""
-    raise NotImplementedError
-
-
-@overload(rotate)
-def _rotate_by_kind(attitude, momentum, kind, duration):
-    """Only scenes that hold a general top pay for its compilation."""
-    if GENERAL in kind.fields:
-        return lambda attitude, momentum, kind, duration: rotate_freely(
-            attitude, momentum, kind.inertia, kind.axis, duration
-        )
-    return lambda attitude, momentum, kind, duration: rotate_symmetric(
-        attitude, momentum, kind.inertia, kind.axis, duration
-    )
 
 
 @compiled

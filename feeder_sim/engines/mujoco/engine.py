@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
@@ -25,7 +24,7 @@ from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.engines.mujoco_library import load_mujoco_symbols, silence_mujoco
 from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.machine_code import compiled, entry_point
+from feeder_sim.machine_code import compiled, entry_point, external
 from feeder_sim.plate.compiled import modal_motion, surface_modes
 from feeder_sim.records.seed import Counts, Events
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
@@ -35,7 +34,7 @@ from feeder_sim.scene.start import Pose, start_poses
 silence_mujoco()
 load_mujoco_symbols()
 PARKED = -100.0  # [m]; height of the first part taken out
-mj_step = types.ExternalFunction("mj_step", types.void(types.voidptr, types.voidptr))
+mj_step = external("mj_step", "void", "voidptr", "voidptr")
 
 
 class Addresses(NamedTuple):

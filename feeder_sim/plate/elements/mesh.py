@@ -19,7 +19,7 @@ from feeder_sim.plate.outline import Outline
 ROUNDS = 15  # of moving points to the middle of their neighbours
 APART = 0.45  # of the spacing; how far points stay from lines
 FINER = 8  # times that lines are divided more finely, before the mesh is given up
-SAME_PLACE = 1e-7  # [m]; corners of lines this close are one
+PLACE_TOLERANCE = 1e-7  # [m]; corners of lines this close are one
 NO_POINTS = np.zeros((0, 2))
 
 
@@ -40,19 +40,19 @@ def triangulate(
     import shapely
 
     rings = [shapely.LinearRing(ring) for ring in outline.rings]
-    edges = shapely.union_all([*rings, *lines], grid_size=SAME_PLACE)
+    edges = shapely.union_all([*rings, *lines], grid_size=PLACE_TOLERANCE)
     pieces = [shapely.get_coordinates(piece) for piece in shapely.get_parts(edges)]
     size = spacing
     for _ in range(FINER):
-        on_lines, held = _divided(pieces, size)
-        apart = shapely.distance(shapely.points(corners), edges) > SAME_PLACE if len(corners) else []
+        on_lines, segments = _divided(pieces, size)
+        apart = shapely.distance(shapely.points(corners), edges) > PLACE_TOLERANCE if len(corners) else []
         fixed = np.vstack([on_lines, corners[apart]])
         points = _relaxed(
             fixed, _between(outline, shapely.union(edges, shapely.multipoints(corners)), spacing), outline
         )
         triangles = _triangles(points, outline)
         sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-        if set(map(tuple, np.sort(held, axis=1).tolist())) <= set(map(tuple, sides.tolist())):
+        if set(map(tuple, np.sort(segments, axis=1).tolist())) <= set(map(tuple, sides.tolist())):
             return points, triangles
         size *= 0.7
     raise ValueError("no mesh follows its outline and patches; are there lines that cross at a sharp angle?")
@@ -65,7 +65,7 @@ def _divided(pieces: Sequence[NDArray[np.float64]], size: float) -> tuple[NDArra
     pairs = []
 
     def index_of(point: NDArray[np.float64]) -> int:
-        x, y = np.round(point / SAME_PLACE).astype(np.int64).tolist()
+        x, y = np.round(point / PLACE_TOLERANCE).astype(np.int64).tolist()
         if (x, y) not in number:
             number[x, y] = len(points)
             points.append(point)

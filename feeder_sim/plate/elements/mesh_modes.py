@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.outline import Outline, rectangle_of
 
-KEPT = 2  # grids of points whose place in the mesh is remembered
+CACHED_GRIDS = 2  # grids of points whose place in the mesh is remembered
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,7 +48,7 @@ class MeshModes(PlateModes):
         """(w, beta_x, beta_y) of some modes at points (n, 2) [m], shape (modes, 3, n)."""
         key = points.tobytes()
         if key not in self._places:
-            if len(self._places) >= KEPT:
+            if len(self._places) >= CACHED_GRIDS:
                 self._places.pop(next(iter(self._places)))
             self._places[key] = self._place(points)
         interpolation, beside = self._places[key]
@@ -69,8 +69,8 @@ class MeshModes(PlateModes):
             here[outside] = shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 1]
         places = shapely.points(here)
         cells = np.full(len(points), -1)
-        found, of_tree = self._tree.query(places, predicate="intersects")
-        cells[found] = of_tree
+        hits, of_tree = self._tree.query(places, predicate="intersects")
+        cells[hits] = of_tree
         cells[cells < 0] = self._tree.nearest(places[cells < 0])  # round-off at the edge
         basis = self._basis
         local = basis.mapping.invF(here.T[:, :, None], tind=cells)

@@ -105,14 +105,14 @@ def element_modes(
     springs = [_spring(basis, support) for support in supports if support.hold == "spring"]
     for spring in springs:
         stiffness = stiffness + spring
-    free = np.setdiff1d(np.arange(3 * basis.N), _held(basis, supports))
+    free = np.setdiff1d(np.arange(3 * basis.N), _fixed_unknowns(basis, supports))
     expected = _expected(plate, outline, highest_frequency)
     squared, vectors = _solved(stiffness[free][:, free], mass[free][:, free], highest_frequency, expected)
-    whole = np.zeros((len(squared), 3 * basis.N))
-    whole[:, free] = vectors.T
-    fields = whole.reshape(len(squared), 3, basis.N)
+    full_vectors = np.zeros((len(squared), 3 * basis.N))
+    full_vectors[:, free] = vectors.T
+    fields = full_vectors.reshape(len(squared), 3, basis.N)
     losses = [support.loss_factor for support in supports if support.hold == "spring"]
-    shares = np.array([(whole * (spring @ whole.T).T).sum(axis=1) / squared for spring in springs])
+    shares = np.array([(full_vectors * (spring @ full_vectors.T).T).sum(axis=1) / squared for spring in springs])
     modes = MeshModes(
         plate=plate,
         natural_frequency=np.sqrt(squared) / (2.0 * math.pi),
@@ -194,31 +194,31 @@ def _point_mass(basis: Any, point: PointMass) -> Any:
     import scipy.sparse
 
     here = basis.probes(np.array(point.centre)[:, None])
-    own = here.T @ here
-    turn = point.mass * point.offset**2 * own
-    return scipy.sparse.block_diag([point.mass * own, turn, turn]).tocsc()
+    projection = here.T @ here
+    turn = point.mass * point.offset**2 * projection
+    return scipy.sparse.block_diag([point.mass * projection, turn, turn]).tocsc()
 
 
 def _spring(basis: Any, support: Support) -> Any:
     import scipy.sparse
 
     here = basis.probes(support.points.T)
-    own = support.stiffness * (here.T @ scipy.sparse.diags(support.weights) @ here)
-    return scipy.sparse.bmat([[own, None], [None, scipy.sparse.csc_matrix((2 * basis.N, 2 * basis.N))]]).tocsc()
+    stiffness = support.stiffness * (here.T @ scipy.sparse.diags(support.weights) @ here)
+    return scipy.sparse.bmat([[stiffness, None], [None, scipy.sparse.csc_matrix((2 * basis.N, 2 * basis.N))]]).tocsc()
 
 
-def _held(basis: Any, supports: Sequence[Support]) -> NDArray[np.int64]:
+def _fixed_unknowns(basis: Any, supports: Sequence[Support]) -> NDArray[np.int64]:
     """Unknowns that supports hold."""
     import shapely
 
-    nodes, held = shapely.points(basis.doflocs.T), [np.zeros(0, np.int64)]
+    nodes, fixed = shapely.points(basis.doflocs.T), [np.zeros(0, np.int64)]
     for support in supports:
         if support.hold != "spring":
             here = np.flatnonzero(shapely.distance(nodes, support.place) < ON_LINE)
             if not len(here):
                 raise ValueError("a support that holds is where the mesh has no node")
-            held += [here + k * basis.N for k in range(3 if support.hold == "clamped" else 1)]
-    return np.unique(np.concatenate(held))
+            fixed += [here + k * basis.N for k in range(3 if support.hold == "clamped" else 1)]
+    return np.unique(np.concatenate(fixed))
 
 
 def _expected(plate: RectangularPlate, outline: Outline, highest: float) -> int:
@@ -235,14 +235,14 @@ def _solved(stiffness: Any, mass: Any, highest: float, expected: int) -> tuple[N
     n = stiffness.shape[0]
     start = np.random.default_rng(0).normal(size=n)  # the same bits every time
     while True:
-        wanted = min(expected, n - 2)
+        requested = min(expected, n - 2)
         squared, vectors = eigsh(
-            stiffness, k=wanted, M=mass, sigma=-((2.0 * math.pi * SHIFT_HZ) ** 2), which="LM", v0=start
+            stiffness, k=requested, M=mass, sigma=-((2.0 * math.pi * SHIFT_HZ) ** 2), which="LM", v0=start
         )
-        if squared.max() > (2.0 * math.pi * highest) ** 2 or wanted == n - 2:
+        if squared.max() > (2.0 * math.pi * highest) ** 2 or requested == n - 2:
             break
         expected *= 2
     order = np.argsort(squared)
     squared, vectors = squared[order], vectors[:, order]
-    kept = (squared > (2.0 * math.pi * AT_REST_HZ) ** 2) & (squared <= (2.0 * math.pi * highest) ** 2)
-    return squared[kept], vectors[:, kept]
+    selected = (squared > (2.0 * math.pi * AT_REST_HZ) ** 2) & (squared <= (2.0 * math.pi * highest) ** 2)
+    return squared[selected], vectors[:, selected]

@@ -40,11 +40,11 @@ class MeasuredShapes:
     def in_order(self) -> MeasuredShapes:
         """The same modes by frequency."""
         order = np.argsort(self.frequency, kind="stable")
-        held = (self.frequency, self.deflection, self.rotation, self.damping_ratio, self.modal_mass, self.collinearity)
-        return MeasuredShapes(self.points, *(values[order] for values in held))
+        table = (self.frequency, self.deflection, self.rotation, self.damping_ratio, self.modal_mass, self.collinearity)
+        return MeasuredShapes(self.points, *(values[order] for values in table))
 
 
-def made_real(shape: NDArray[np.complex128]) -> tuple[NDArray[np.float64], complex, float]:
+def real_mode(shape: NDArray[np.complex128]) -> tuple[NDArray[np.float64], complex, float]:
     """The real mode nearest to a complex one (n,): it, the phase factor that makes it, and the collinearity.
 
     The phase makes the sum of the squares of the real parts largest. The collinearity is the modal phase collinearity

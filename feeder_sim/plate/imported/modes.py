@@ -30,12 +30,12 @@ NEIGHBOURS = 4
 COMMON = 95.0  # percentile of the distances to these neighbours
 LONGEST_EDGE = 2.0  # times that distance; where points are farther apart there is no plate
 LEAST_HOLE = 0.75  # of that length; the radius of a hole. Smaller ones are gaps between scattered points
-SAME_PLACE = 1e-6  # of the size of the plate
+PLACE_TOLERANCE = 1e-6  # of the size of the plate
 
 
 def distinct(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points (n, 2) without those at the same place, as the nodes of a solid above each other are."""
-    grain = SAME_PLACE * float(np.ptp(points, axis=0).max()) or 1.0
+    grain = PLACE_TOLERANCE * float(np.ptp(points, axis=0).max()) or 1.0
     _, first = np.unique(np.round(points / grain).astype(np.int64), axis=0, return_index=True)
     return points[np.sort(first)]
 
@@ -70,8 +70,8 @@ def outline_of_points(points: NDArray[np.float64]) -> tuple[Outline, float]:
     least = np.pi * (LEAST_HOLE * limit) ** 2
     holes = [hole for hole, area in zip(hull.interiors, areas, strict=True) if area > least]
     widest = max((area for area in areas if area <= least), default=0.0)
-    found = checked_outline([shapely.get_coordinates(ring) for ring in (hull.exterior, *holes)])
-    return as_box(found) if rectangular(found, 0.5 * limit) else found, 2.0 * math.sqrt(widest / np.pi)
+    outline = checked_outline([shapely.get_coordinates(ring) for ring in (hull.exterior, *holes)])
+    return as_box(outline) if rectangular(outline, 0.5 * limit) else outline, 2.0 * math.sqrt(widest / np.pi)
 
 
 def as_box(outline: Outline) -> Outline:
@@ -85,9 +85,9 @@ def as_box(outline: Outline) -> Outline:
 #     MAC = (a . b)^2 / (a . a)(b . b)
 #
 # (Allemang and Brown, Proc. 1st IMAC (1982) 110.) Degenerate modes come in any mixture, so that for those within
-# `SAME_FREQUENCY` of each other it is the share of a in the space that they span.
+# `FREQUENCY_TOLERANCE` of each other it is the share of a in the space that they span.
 
-SAME_FREQUENCY = 1e-3  # relative
+FREQUENCY_TOLERANCE = 1e-3  # relative
 FARTHER = (
     1.6,
     1.2,
@@ -121,7 +121,7 @@ def resemblances(
         return [None] * len(values)
     groups: list[list[int]] = []
     for i, f in enumerate(modes.natural_frequency.tolist()):
-        if groups and f < (1.0 + SAME_FREQUENCY) * modes.natural_frequency[groups[-1][-1]]:
+        if groups and f < (1.0 + FREQUENCY_TOLERANCE) * modes.natural_frequency[groups[-1][-1]]:
             groups[-1].append(i)
         else:
             groups.append([i])
@@ -130,8 +130,8 @@ def resemblances(
         span = np.linalg.qr(np.stack([modes.evaluate(i, *points.T)[0] for i in group], axis=1))[0]
         for k, value in enumerate(values):
             mac = float(((span.T @ value) ** 2).sum() / (value**2).sum())
-            held = best[k]
-            if held is None or mac > held.mac:
+            previous = best[k]
+            if previous is None or mac > previous.mac:
                 best[k] = Resemblance(mac, tuple(group), float(modes.natural_frequency[group[0]]))
     return best
 
@@ -151,7 +151,7 @@ LEAST_DEFLECTION = 1e-100  # in the unit of the file; its square would be none
 MISSED = 0.9  # residual over the deflection, from which on the points contradict each other
 LEAST_POINTS = 4.0  # per half wavelength, with which a shape can be told from another
 OFF_PLATE = 0.02  # of the size of the plate; how far a point may lie beside a given outline
-SAME_LINE = 2e-6  # [m]; a corner that close to the line between its neighbours only costs time
+LINE_TOLERANCE = 2e-6  # [m]; a corner that close to the line between its neighbours only costs time
 SAMPLES = 241  # per axis, where shapes are scaled and masses integrated
 ROUGH = 0.05  # residual over the antinode from which on a shape is doubtful
 COMPLEX = 0.9  # collinearity below which a mode is
@@ -192,7 +192,7 @@ class Imported:
         points: where shapes were given [m], in the coordinates of the mode file (n, 2).
         values: the deflections given there over the antinode (modes, n).
         outline: of the plate, also where it is a rectangle.
-        cautions: a line each.
+        warnings: a line each.
     """
 
     mode_file: ModeFile
@@ -200,7 +200,7 @@ class Imported:
     points: NDArray[np.float64]
     values: NDArray[np.float64]
     outline: Outline
-    cautions: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def import_modes(
@@ -222,8 +222,8 @@ def import_modes(
     for i, deflection in enumerate(shapes.deflection):
         if np.abs(deflection).max() < LEAST_DEFLECTION:
             raise InputError(f"mode {i + 1} does not move, allowed is a mode with a deflection")
-    cautions: list[str] = []
-    outline = (outline or _outline_of(places, cautions)).simplified(SAME_LINE)
+    warnings: list[str] = []
+    outline = (outline or _outline_of(places, warnings)).simplified(LINE_TOLERANCE)
     shift = -0.5 * (outline.exterior.min(axis=0) + outline.exterior.max(axis=0))
     outline, points, places = outline.moved(shift), shapes.points + shift, places + shift
     plate = RectangularPlate(*outline.size, thickness, material)
@@ -239,7 +239,7 @@ def import_modes(
         modal_mass=np.full(len(shapes), np.nan),
         outline=None if _is_rectangle(outline) else outline,
     )
-    modes, scale, of_file = _scaled(modes, shapes.modal_mass, outline, cautions)
+    modes, scale, of_file = _scaled(modes, shapes.modal_mass, outline, warnings)
     alike = resemblances(plate, shapes.frequency, points, shapes.deflection)
     quality = tuple(
         ImportedMode(
@@ -253,24 +253,24 @@ def import_modes(
         )
         for i in range(len(shapes))
     )
-    cautions += _doubts(quality)
-    held = ModeFile(modes, _resonances(shapes), origin=Origin(source, (float(shift[0]), float(shift[1]))))
-    return Imported(held, quality, points, shapes.deflection * scale[:, None], outline, tuple(cautions))
+    warnings += _quality_warnings(quality)
+    mode_file = ModeFile(modes, _resonances(shapes), origin=Origin(source, (float(shift[0]), float(shift[1]))))
+    return Imported(mode_file, quality, points, shapes.deflection * scale[:, None], outline, tuple(warnings))
 
 
-def _outline_of(places: NDArray[np.float64], cautions: list[str]) -> Outline:
-    """The outline of points (n, 2) [m]; adds what there is to look at to the cautions."""
+def _outline_of(places: NDArray[np.float64], warnings: list[str]) -> Outline:
+    """The outline of points (n, 2) [m]; adds what there is to look at to the warnings."""
     try:
         outline, gap = outline_of_points(places)
     except ValueError as error:
         raise InputError(str(error)) from error
     if len(outline.exterior) > 4 or outline.holes:
-        cautions.append(
+        warnings.append(
             f"the outline is that of the points, {len(outline.exterior)} corners and {len(outline.holes)} holes; "
             "look at it with --picture, or give it with --outline"
         )
     if gap > 0.0:
-        cautions.append(
+        warnings.append(
             f"gaps between the points of up to {1e3 * gap:.2g} mm are taken for plate; give holes with --outline"
         )
     return outline
@@ -356,14 +356,14 @@ def _rotations(
 ) -> NDArray[np.float64]:
     """Coefficients (modes, 2, terms, terms) of the rotations: fitted where they are given, else from the slopes."""
     size = (plate.length, plate.width)
-    found = slopes(fit.coefficients, size)
+    rotations = slopes(fit.coefficients, size)
     for i, frequency in enumerate(shapes.frequency.tolist()):
         if np.isfinite(shapes.rotation[i]).all():
-            found[i] = fit_scattered(points, shapes.rotation[i], size, TERMS_PER_AXIS).coefficients
+            rotations[i] = fit_scattered(points, shapes.rotation[i], size, TERMS_PER_AXIS).coefficients
         else:
             wave = standing_wave(plate, frequency)
-            found[i] *= wave.rotation / wave.wavenumber
-    return found
+            rotations[i] *= wave.rotation / wave.wavenumber
+    return rotations
 
 
 def _grid(
@@ -377,7 +377,7 @@ def _grid(
 
 
 def _scaled(
-    modes: PlateModes, mass_of_file: NDArray[np.float64], outline: Outline, cautions: list[str]
+    modes: PlateModes, mass_of_file: NDArray[np.float64], outline: Outline, warnings: list[str]
 ) -> tuple[PlateModes, NDArray[np.float64], list[bool]]:
     """The modes with max |w| = 1 on the plate and w > 0 next to the corner (+, +), with their modal masses.
 
@@ -399,21 +399,21 @@ def _scaled(
         coefficients[i] *= scale[i]
         w, bx, by = (share * (scale[i] * field) ** 2 for field in values)
         masses[i] = plate.mass_per_area * w.sum() + plate.rotary_inertia * (bx.sum() + by.sum())
-        given = mass_of_file[i] / largest**2
-        if math.isnan(given):
+        measured_mass = mass_of_file[i] / largest**2
+        if math.isnan(measured_mass):
             continue
-        if masses[i] / MASS_FACTOR < given < masses[i] * MASS_FACTOR:
-            masses[i], of_file[i] = given, True
+        if masses[i] / MASS_FACTOR < measured_mass < masses[i] * MASS_FACTOR:
+            masses[i], of_file[i] = measured_mass, True
         else:
-            cautions.append(
-                f"mode {i + 1}: the modal mass of the file would be {1e3 * given:.3g} g, that of its shape is "
+            warnings.append(
+                f"mode {i + 1}: the modal mass of the file would be {1e3 * measured_mass:.3g} g, that of its shape is "
                 f"{1e3 * masses[i]:.3g} g, which is taken"
             )
-    held = PlateModes(plate, modes.natural_frequency, coefficients, modes.parity, masses, outline=modes.outline)
-    return held, scale, of_file
+    scaled = PlateModes(plate, modes.natural_frequency, coefficients, modes.parity, masses, outline=modes.outline)
+    return scaled, scale, of_file
 
 
-def _doubts(quality: Sequence[ImportedMode]) -> list[str]:
+def _quality_warnings(quality: Sequence[ImportedMode]) -> list[str]:
     lines = []
     for i, mode in enumerate(quality):
         if mode.residual > ROUGH:

@@ -77,8 +77,8 @@ def fit_scattered(
         follows = float(((1.0 - least * stiffness) * shrunk).sum())
         if CAUTION * follows >= n:
             continue
-        found = shrunk[:, None] * projected
-        missed = squares - 2.0 * (found * projected).sum(axis=0) + ((1.0 - least * stiffness) @ found**2)
+        estimates = shrunk[:, None] * projected
+        missed = squares - 2.0 * (estimates * projected).sum(axis=0) + ((1.0 - least * stiffness) @ estimates**2)
         scores = np.maximum(missed, ROUND_OFF * squares) / (1.0 - CAUTION * follows / n) ** 2
         better = scores < score
         best[better], score[better] = weight, scores[better]
@@ -101,8 +101,8 @@ def bending_energy(size: tuple[float, float], terms: int) -> NDArray[np.float64]
     """Matrix (terms^2, terms^2) of l^2 int f,xx^2 + 2 f,xy^2 + f,yy^2 dA over the box, for f in Legendre products."""
     length, width = size
     slope, curvature = _derivative_integrals(terms)
-    lx, ly, same = 2.0 / length, 2.0 / width, np.eye(terms)
-    energy = lx**4 * np.kron(curvature, same) + ly**4 * np.kron(same, curvature)
+    lx, ly, identity = 2.0 / length, 2.0 / width, np.eye(terms)
+    energy = lx**4 * np.kron(curvature, identity) + ly**4 * np.kron(identity, curvature)
     energy += 2.0 * (lx * ly) ** 2 * np.kron(slope, slope)
     return np.asarray(0.25 * (length * width) ** 2 * energy)
 

@@ -25,13 +25,13 @@ from feeder_sim.plate.imported.measured_shapes import (
     MOST_MODES,
     MOST_POINTS,
     MeasuredShapes,
-    made_real,
+    real_mode,
 )
 
 NODES, SHAPES, UNITS = (15, 2411), 55, 164
 NORMAL_MODE, COMPLEX_MODES = 2, (3, 7)  # analysis types of dataset 55
 LENGTHS = {"m": 1.0, "mm": 1e3, "cm": 1e2, "in": 1.0 / 0.0254}  # of the file in a metre
-SAME_UNIT = 1e-3  # relative
+UNIT_TOLERANCE = 1e-3  # relative
 FLAT = 0.01  # of the size of the plate; how far nodes may lie off their plane, or by the thickness
 
 
@@ -59,7 +59,7 @@ def read_universal_file(path: Path, unit: str | None, thickness: float) -> Measu
     points = _joined(numbers, nodes, thickness * length, path) / length
     read = [_mode(shape, i, numbers, length, path) for i, shape in enumerate(shapes)]
     frequency, damping, deflection, rotation, collinearity = (list(column) for column in zip(*read, strict=True))
-    mass = [_given(shape.get("modal_m")) * length / force for shape in shapes]
+    mass = [_number_or_nan(shape.get("modal_m")) * length / force for shape in shapes]
     masses = np.array(mass)  # of a deflection in metres, as the shape is taken
     return MeasuredShapes(
         points,
@@ -85,10 +85,10 @@ def _datasets(path: Path) -> list[dict[str, Any]]:
         with contextlib.redirect_stdout(silent):
             file = pyuff.UFF(str(path))
             kinds = [int(kind) for kind in file.get_set_types()]
-            wanted = [i for i, kind in enumerate(kinds) if kind in (*NODES, SHAPES, UNITS)]
-            if not wanted:
+            selected = [i for i, kind in enumerate(kinds) if kind in (*NODES, SHAPES, UNITS)]
+            if not selected:
                 raise InputError("has no dataset 15, 2411 or 55, allowed is a universal file with modes", file=path)
-            read = file.read_sets(wanted)
+            read = file.read_sets(selected)
     except InputError:
         raise
     except Exception as error:  # pyuff raises bare exceptions
@@ -102,14 +102,14 @@ def _units(datasets: Sequence[dict[str, Any]], unit: str | None, path: Path) -> 
     if any(not (math.isfinite(f) and f > 0.0) for pair in factors for f in pair):
         raise InputError("dataset 164 holds a factor that is not above 0", file=path)
     lengths = sorted(length for length, _ in factors)
-    if lengths and lengths[-1] / lengths[0] > 1.0 + SAME_UNIT:
+    if lengths and lengths[-1] / lengths[0] > 1.0 + UNIT_TOLERANCE:
         text = " and ".join(f"{length:g}" for length in lengths)
         raise InputError(f"mixes units: its datasets 164 have {text} lengths in a metre, allowed is one", file=path)
     if unit is None and not factors:
         raise InputError(
             f"does not say its units (dataset 164), allowed with it is --unit {', '.join(LENGTHS)}", file=path
         )
-    if unit is not None and factors and abs(LENGTHS[unit] / lengths[0] - 1.0) > SAME_UNIT:
+    if unit is not None and factors and abs(LENGTHS[unit] / lengths[0] - 1.0) > UNIT_TOLERANCE:
         raise InputError(
             f"is {unit}, but dataset 164 has {lengths[0]:g} lengths in a metre; allowed is one of both",
             file=path,
@@ -122,11 +122,11 @@ def _nodes(datasets: Sequence[dict[str, Any]], path: Path) -> dict[int, tuple[fl
     """Coordinates of every node, by its number."""
     nodes: dict[int, tuple[float, float, float]] = {}
     systems: set[int] = set()
-    for held in datasets:
-        columns = [np.asarray(held[name], float) for name in ("node_nums", "x", "y", "z")]
+    for dataset in datasets:
+        columns = [np.asarray(dataset[name], float) for name in ("node_nums", "x", "y", "z")]
         if len({len(column) for column in columns}) > 1:
-            raise InputError(f"dataset {held['type']} is broken: it ends within a node", file=path)
-        systems |= {int(system) for system in held.get("disp_cs", ())}
+            raise InputError(f"dataset {dataset['type']} is broken: it ends within a node", file=path)
+        systems |= {int(system) for system in dataset.get("disp_cs", ())}
         for number, *place in zip(*(column.tolist() for column in columns), strict=True):
             if not all(math.isfinite(c) for c in place):
                 raise InputError(f"node {number:.0f} has a coordinate that is no number", file=path)
@@ -176,15 +176,15 @@ def _mode(
             f"{name} has {shape.get('n_data_per_node')} values per node, allowed are 3 (x, y, z) or 6 (and rotations)",
             file=path,
         )
-    own = np.asarray(shape["node_nums"]).astype(np.int64)
-    if len(own) != len(numbers) or (np.sort(own) != np.sort(numbers)).any():
+    node_numbers = np.asarray(shape["node_nums"]).astype(np.int64)
+    if len(node_numbers) != len(numbers) or (np.sort(node_numbers) != np.sort(numbers)).any():
         raise InputError(f"{name} has other nodes than the first mode, allowed are the same", file=path)
-    order = np.argsort(own)[np.argsort(np.argsort(numbers))]
+    order = np.argsort(node_numbers)[np.argsort(np.argsort(numbers))]
     columns = [np.asarray(shape[f"r{i}"]) for i in range(1, 7) if f"r{i}" in shape]
     if any(len(column) != len(numbers) for column in columns) or not all(np.isfinite(c).all() for c in columns):
         raise InputError(f"{name} has a value that is missing or no number, allowed are numbers", file=path)
     frequency, damping = _frequency(shape, name, path)
-    w, turn, collinearity = made_real(columns[2][order].astype(complex))
+    w, turn, collinearity = real_mode(columns[2][order].astype(complex))
     if not np.abs(w).max() > 0.0:
         raise InputError(f"{name} does not move along z, allowed is a bending mode of a plate in x, y", file=path)
     rotation = np.full((2, len(numbers)), np.nan)
@@ -197,13 +197,13 @@ def _mode(
 def _frequency(shape: dict[str, Any], name: str, path: Path) -> tuple[float, float]:
     """Natural frequency [Hz] and damping ratio, NaN where there is none."""
     if shape["analysis_type"] == NORMAL_MODE:
-        frequency, damping = float(shape["freq"]), _given(shape.get("modal_damp_vis"))
+        frequency, damping = float(shape["freq"]), _number_or_nan(shape.get("modal_damp_vis"))
         if math.isnan(damping):
-            damping = 0.5 * _given(shape.get("modal_damp_his"))
+            damping = 0.5 * _number_or_nan(shape.get("modal_damp_his"))
     else:
         root = complex(shape["eig"])
         frequency = abs(root) / (2.0 * math.pi)
-        damping = _given(-root.real / abs(root)) if root else math.nan
+        damping = _number_or_nan(-root.real / abs(root)) if root else math.nan
     if not 0.1 <= frequency <= 1e7:
         raise InputError(f"{name} has a frequency of {frequency:g} Hz, allowed is 0.1 to 1e7", file=path)
     if not (math.isnan(damping) or 1e-6 <= damping < 1.0):
@@ -211,6 +211,6 @@ def _frequency(shape: dict[str, Any], name: str, path: Path) -> tuple[float, flo
     return frequency, damping
 
 
-def _given(value: Any) -> float:
+def _number_or_nan(value: Any) -> float:
     """A number that a file gives, where 0 stands for none."""
     return float(value) if value is not None and float(value) != 0.0 else math.nan

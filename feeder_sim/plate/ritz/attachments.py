@@ -55,8 +55,8 @@ class Layer:
         """Its corners (4, 2) [m], counter-clockwise, if each edge is moved inward by a length [m]."""
         a, b = (0.5 * side - shortened for side in self.size)
         c, s = math.cos(self.angle), math.sin(self.angle)
-        own = np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
-        return np.asarray(self.centre) + own @ np.array([[c, s], [-s, c]])
+        layer_corners = np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
+        return np.asarray(self.centre) + layer_corners @ np.array([[c, s], [-s, c]])
 
     def mirrored(self, axis: int) -> Layer:
         """Its mirror image with x (axis 0) or y (axis 1) turned round."""
@@ -90,13 +90,13 @@ Attachment = Layer | PointMass
 
 def parity_classes(attachments: Sequence[Attachment]) -> list[Parity]:
     """The parities that can be solved one by one: all four without attachments, fewer where they break a symmetry."""
-    kept = [_is_mirrored(attachments, axis) for axis in range(2)]
-    return [(x, y) for x in ((0, 1) if kept[0] else (None,)) for y in ((0, 1) if kept[1] else (None,))]
+    symmetric = [_is_mirrored(attachments, axis) for axis in range(2)]
+    return [(x, y) for x in ((0, 1) if symmetric[0] else (None,)) for y in ((0, 1) if symmetric[1] else (None,))]
 
 
 def _is_mirrored(attachments: Sequence[Attachment], axis: int) -> bool:
-    own = Counter(_signature(attachment) for attachment in attachments)
-    return own == Counter(_signature(attachment.mirrored(axis)) for attachment in attachments)
+    signatures = Counter(_signature(attachment) for attachment in attachments)
+    return signatures == Counter(_signature(attachment.mirrored(axis)) for attachment in attachments)
 
 
 def _signature(attachment: Attachment) -> Hashable:

@@ -57,28 +57,28 @@ class LocalMesh:
         (a, da), (b, db) = (_gauss(ends, finest) for ends in self.ends)
         return np.stack(np.meshgrid(a, b, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(da, db).ravel()
 
-    def on_plate(self, own: Matrix) -> Matrix:
+    def on_plate(self, local: Matrix) -> Matrix:
         """Points (n, 2) given along the axes of the layer, on the plate [m]."""
         c, s = math.cos(self.layer.angle), math.sin(self.layer.angle)
-        return np.asarray(self.layer.centre) + own @ np.array([[c, s], [-s, c]])
+        return np.asarray(self.layer.centre) + local @ np.array([[c, s], [-s, c]])
 
-    def own(self, points: Matrix) -> Matrix:
+    def along_layer(self, points: Matrix) -> Matrix:
         """The other way round."""
         c, s = math.cos(self.layer.angle), math.sin(self.layer.angle)
         return (points - np.asarray(self.layer.centre)) @ np.array([[c, -s], [s, c]])
 
-    def fields(self, own: Matrix) -> Fields:
+    def fields(self, local: Matrix) -> Fields:
         """The local functions at points (n, 2) along the axes of the layer [m]; all fields have the same ones."""
-        (a, da), (b, db) = (_quadratic(own[:, axis], self.ends[axis]) for axis in range(2))
+        (a, da), (b, db) = (_quadratic(local[:, axis], self.ends[axis]) for axis in range(2))
         c, s = math.cos(self.layer.angle), math.sin(self.layer.angle)
         value, along_a, along_b = (_products(u, v) for u, v in ((a, b), (da, b), (a, db)))
         along_x, along_y = c * along_a - s * along_b, s * along_a + c * along_b
         return Fields((value,) * 3, (along_x,) * 3, (along_y,) * 3)
 
-    def under_layer(self, own: Matrix) -> NDArray[np.bool_]:
+    def under_layer(self, local: Matrix) -> NDArray[np.bool_]:
         """Which points lie under the layer."""
         a, b = self.layer.size
-        return (np.abs(own[:, 0]) < 0.5 * a) & (np.abs(own[:, 1]) < 0.5 * b)
+        return (np.abs(local[:, 0]) < 0.5 * a) & (np.abs(local[:, 1]) < 0.5 * b)
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class LocalField:
 
     def evaluate(self, points: Matrix) -> Matrix:
         """(w, beta_x, beta_y) of every mode at points (n, 2) of the plate [m], shape (n_modes, 3, n)."""
-        functions = self.mesh.fields(self.mesh.own(points)).value[0]
+        functions = self.mesh.fields(self.mesh.along_layer(points)).value[0]
         return np.asarray(self.coefficients @ functions.T)
 
 
@@ -142,8 +142,8 @@ def local_shapes(plate: RectangularPlate, basis: Basis, mesh: LocalMesh, *, thin
 
     In a `thin` plate beta = grad w, which the local functions do not meet: there are no shapes then.
     """
-    own, areas = mesh.quadrature(min(plate.length, plate.width) / basis.terms)
-    polynomials, inside = polynomial_fields(plate, basis, mesh.on_plate(own)), mesh.under_layer(own)
+    local, areas = mesh.quadrature(min(plate.length, plate.width) / basis.terms)
+    polynomials, inside = polynomial_fields(plate, basis, mesh.on_plate(local)), mesh.under_layer(local)
     bare, added = bare_section(plate), added_section(plate, mesh.layer)
     if thin:
         added = replace(added, shear=0.0)
@@ -152,12 +152,12 @@ def local_shapes(plate: RectangularPlate, basis: Basis, mesh: LocalMesh, *, thin
         return form(a, b, areas, bare) + form(a[inside], b[inside], areas[inside], added)
 
     under, below = polynomials[inside], areas[inside]
-    functions = mesh.fields(own)
+    functions = mesh.fields(local)
     if thin:
         chosen = np.zeros((3 * functions.value[0].shape[1], 0))
     else:
-        bends = low_polynomials(mesh, own[inside], BENDS)
-        moves = low_polynomials(mesh, own[inside], MOVES)
+        bends = low_polynomials(mesh, local[inside], BENDS)
+        moves = low_polynomials(mesh, local[inside], MOVES)
         resisted = over_fields(stiffness_form(functions[inside], bends, below, added), 1)
         moved = over_fields(mass_form(functions[inside], moves, below, added), 1)
         chosen = _static_responses(both(stiffness_form, functions, functions), np.hstack([resisted, moved]))
@@ -184,13 +184,13 @@ def _static_responses(stiffness: Matrix, loads: Matrix) -> Matrix:
     loads = loads[:, size > 0.0] / size[size > 0.0]  # nothing resists a motion without bend
     responses = cho_solve(cho_factor(stiffness), loads)
     energy, mixture = eigh(loads.T @ responses)
-    kept = energy > LEAST_ENERGY * energy.max()
-    return np.asarray(responses @ (mixture[:, kept] / np.sqrt(energy[kept])))
+    selected = energy > LEAST_ENERGY * energy.max()
+    return np.asarray(responses @ (mixture[:, selected] / np.sqrt(energy[selected])))
 
 
-def low_polynomials(mesh: LocalMesh, own: Matrix, degree: int) -> Fields:
+def low_polynomials(mesh: LocalMesh, local: Matrix, degree: int) -> Fields:
     """Thin-plate bends w = a^i b^j along the axes of a layer with i + j up to a degree, at points (n, 2) [m]."""
-    a, b = (own[:, axis] / mesh.layer.size[axis] for axis in range(2))
+    a, b = (local[:, axis] / mesh.layer.size[axis] for axis in range(2))
     powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
 
     def derivative(times_a: int, times_b: int) -> Matrix:
@@ -214,8 +214,8 @@ def joined(form: Matrix, layers: Sequence[LocalShapes], kind: Literal["stiffness
     from scipy.linalg import block_diag
 
     coupling = per_area * np.hstack([getattr(layer, f"coupling_{kind}") for layer in layers])
-    own = per_area * block_diag(*(getattr(layer, f"own_{kind}") for layer in layers))
-    return np.block([[form, coupling], [coupling.T, own]])
+    diagonal = per_area * block_diag(*(getattr(layer, f"own_{kind}") for layer in layers))
+    return np.block([[form, coupling], [coupling.T, diagonal]])
 
 
 def meshes_around(plate: RectangularPlate, layers: Sequence[Layer]) -> list[LocalMesh]:

@@ -48,8 +48,8 @@ class Basis:
 
 def basis_of(parity: Parity, terms: int, *, uniform_width: bool = False) -> Basis:
     """The basis of all shapes of one parity; with `uniform_width`, of those that do not vary along y."""
-    every, even, odd = np.arange(terms), np.arange(0, terms, 2), np.arange(1, terms, 2)
-    (x_w, x_b), (y_w, y_b) = ((every, every) if p is None else (odd, even) if p else (even, odd) for p in parity)
+    degrees, even, odd = np.arange(terms), np.arange(0, terms, 2), np.arange(1, terms, 2)
+    (x_w, x_b), (y_w, y_b) = ((degrees, degrees) if p is None else (odd, even) if p else (even, odd) for p in parity)
     if uniform_width:
         y_w, y_b = y_w[:1], y_b[:0]
     return Basis(terms, ((x_w, y_w), (x_b, y_w), (x_w, y_b)))  # beta_x ~ w,x swaps the parity in x, beta_y in y

@@ -98,9 +98,9 @@ class _Reader:
         elif kind in ("XLINE", "RAY"):
             self.account.ignore("construction lines")
         elif layer is None and (kind == "POINT" or kind not in CURVES):
-            self.account.others[layer_name] += 1
+            self.account.foreign_layers[layer_name] += 1
         elif layer is None:
-            self.account.ignore_other(layer_name)
+            self.account.ignore_foreign(layer_name)
         elif kind == "POINT" and layer != "feet":
             self.account.ignore("points outside of feet")
         else:
@@ -144,8 +144,8 @@ class _Reader:
         self.account.count(self._work_of(insert.dxf.name))
         if insert.mcount > 1:
             self.account.count(insert.mcount)  # before they are made
-            for one in insert.multi_insert():
-                yield from self._insert(one, layer_name, depth, hidden)
+            for single in insert.multi_insert():
+                yield from self._insert(single, layer_name, depth, hidden)
             return
         from ezdxf.xclip import XClip
 
@@ -154,8 +154,8 @@ class _Reader:
         self.account.ignore("texts and dimensions", len(insert.attribs))
         skipped: list[str] = []
         for entity in insert.virtual_entities(skipped_entity_callback=lambda e, reason: skipped.append(e.dxftype())):
-            own = entity.dxf.layer
-            yield from self._entity(entity, layer_name if own == "0" else own, depth + 1, hidden)
+            entity_layer = entity.dxf.layer
+            yield from self._entity(entity, layer_name if entity_layer == "0" else entity_layer, depth + 1, hidden)
         if skipped:
             raise self.account.refusal(f"inserts a block with a {skipped[0]}, which cannot be placed: explode it")
 
@@ -180,7 +180,7 @@ class _Reader:
     def _curve(self, entity: Any, kind: str, layer: str) -> Iterator[Stroke]:
         """Strokes of one entity that is read."""
         if kind == "POINT":
-            yield self.account.take_point(layer, np.array([[entity.dxf.location.x, entity.dxf.location.y]]) * self.mm)
+            yield self.account.add_point(layer, np.array([[entity.dxf.location.x, entity.dxf.location.y]]) * self.mm)
             return
         self.account.check_reach(layer, _control(entity, kind) * self.mm)
         fill = kind in ("HATCH", "MPOLYGON")
@@ -193,7 +193,7 @@ class _Reader:
             self._check_level(points, kind, layer)
             closed = getattr(entity, "is_closed", False) is True or getattr(entity, "closed", False) is True
             stroke: Literal["line", "fill"] = "fill" if fill else "line"
-            yield from self.account.take(layer, points[:, :2], closed=closed or kind in QUADS, kind=stroke)
+            yield from self.account.add_stroke(layer, points[:, :2], closed=closed or kind in QUADS, kind=stroke)
 
     def _check_level(self, points: Points, kind: str, layer: str) -> None:
         """Refuse what does not lie in a plane of the same height."""

@@ -44,16 +44,16 @@ def rings_of(layer: str, strokes: Sequence[Stroke], account: Account) -> list[An
             loose.append(shapely.LineString(points))
     if loose:
         rings += _faces(layer, loose, account)
-    kept = each_once(rings, account)
-    tree = shapely.STRtree(kept)
+    unique_rings = each_once(rings, account)
+    tree = shapely.STRtree(unique_rings)
     for stroke in strokes:
         if stroke.kind != "fill":
             continue
         edge = _ring(layer, stroke.points, account)
-        if not any(_alike(edge, kept[i]) for i in tree.query(edge)):
+        if not any(_alike(edge, unique_rings[i]) for i in tree.query(edge)):
             place = place_text(stroke.points.mean(axis=0))
             raise account.refusal(f"has a fill at {place} in the layer {layer} without lines round it, allowed is both")
-    return kept
+    return unique_rings
 
 
 def _joined_ends(lines: Sequence[Stroke]) -> tuple[Points, NDArray[np.bool_]]:
@@ -72,8 +72,8 @@ def _joined_ends(lines: Sequence[Stroke]) -> tuple[Points, NDArray[np.bool_]]:
     number, label = connected_components(graph, directed=False)
     count = np.bincount(label, minlength=number)
     middles = np.stack([np.bincount(label, ends[free, k], number) / count for k in (0, 1)], axis=1)
-    others = pairs[free[pairs[:, 0]] // 2 != free[pairs[:, 1]] // 2]
-    meets[free[others.ravel()]] = True
+    foreign_pairs = pairs[free[pairs[:, 0]] // 2 != free[pairs[:, 1]] // 2]
+    meets[free[foreign_pairs.ravel()]] = True
     ends[free] = middles[label]
     return ends, meets
 
@@ -83,8 +83,8 @@ def _ring(layer: str, points: Points, account: Account) -> Any:
     import shapely
 
     # Points that are one but for round-off make a ring that crosses itself there.
-    kept = points[np.hypot(*(points - np.roll(points, 1, axis=0)).T) > NEAR]
-    polygon = shapely.Polygon(kept) if len(kept) >= 3 else None
+    corners = points[np.hypot(*(points - np.roll(points, 1, axis=0)).T) > NEAR]
+    polygon = shapely.Polygon(corners) if len(corners) >= 3 else None
     if polygon is not None and not polygon.is_valid:
         where = _place_in(shapely.is_valid_reason(polygon))
         raise account.refusal(f"has a ring in the layer {layer} that meets itself{where}, allowed is one that does not")
@@ -104,8 +104,8 @@ def _faces(layer: str, loose: Sequence[Any], account: Account) -> list[Any]:
     import shapely
 
     tree, crossings = shapely.STRtree(loose), 0
-    for some in np.array_split(np.array(loose, object), 1 + len(loose) // TOGETHER):
-        crossings += len(tree.query(some, predicate="intersects")[0])
+    for batch in np.array_split(np.array(loose, object), 1 + len(loose) // TOGETHER):
+        crossings += len(tree.query(batch, predicate="intersects")[0])
         if crossings > MOST_MEETINGS * len(loose) + TOGETHER:
             raise account.refusal(f"has {len(loose)} lines across each other in the layer {layer}, allowed are rings")
     joined = shapely.union_all(loose, grid_size=GRID)
@@ -133,8 +133,8 @@ def _gap(layer: str, open_lines: Sequence[Any], lines: Sequence[Any]) -> str:
     gaps = []
     for start in starts:
         to_ends = np.hypot(*(free - start).T)
-        others = [line for line, pair in zip(lines, ends, strict=True) if start not in pair]
-        to_lines = shapely.distance(others, shapely.Point(start)) if others else np.empty(0)
+        other_lines = [line for line, pair in zip(lines, ends, strict=True) if start not in pair]
+        to_lines = shapely.distance(other_lines, shapely.Point(start)) if other_lines else np.empty(0)
         gaps.append(min(to_ends[to_ends > 0.0].min(initial=np.inf), to_lines.min(initial=np.inf)))
     least = int(np.argmin(gaps))
     away = f", {gaps[least]:.3g} mm from the next line" if np.isfinite(gaps[least]) else ""
@@ -151,15 +151,15 @@ def each_once(rings: Sequence[Any], account: Account) -> list[Any]:
     if len(rings) < 2:
         return list(rings)
     tree = shapely.STRtree(rings)
-    kept: list[Any] = []
+    unique_rings: list[Any] = []
     dropped: set[int] = set()
     for i, ring in enumerate(rings):
         if i in dropped:
             account.ignore("rings drawn twice")
             continue
-        kept.append(ring)
+        unique_rings.append(ring)
         dropped |= {int(j) for j in tree.query(ring) if j > i and _alike(ring, rings[j])}
-    return kept
+    return unique_rings
 
 
 def check_apart(layer: str, rings: Sequence[Any], account: Account) -> None:
@@ -183,7 +183,7 @@ def check_apart(layer: str, rings: Sequence[Any], account: Account) -> None:
             )
 
 
-def _alike(one: Any, other: Any) -> bool:
+def _alike(first: Any, second: Any) -> bool:
     """Whether two rings are one that is drawn twice."""
-    limit = 2.0 * SAGITTA * (one.length + other.length)
-    return bool(abs(one.area - other.area) < limit and one.symmetric_difference(other).area < limit)
+    limit = 2.0 * SAGITTA * (first.length + second.length)
+    return bool(abs(first.area - second.area) < limit and first.symmetric_difference(second).area < limit)

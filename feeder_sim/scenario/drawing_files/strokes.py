@@ -60,9 +60,9 @@ class Account:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.taken: Counter[str] = Counter()
+        self.strokes: Counter[str] = Counter()
         self.ignored: Counter[str] = Counter()
-        self.others: Counter[str] = Counter()
+        self.foreign_layers: Counter[str] = Counter()
         self._entities = self._points = 0
 
     def refusal(self, problem: str) -> InputError:
@@ -88,11 +88,11 @@ class Account:
         if number:
             self.ignored[rule] += number
 
-    def leave(self, layer: str, rule: str) -> None:
+    def ignore_layer(self, layer: str, rule: str) -> None:
         """What was taken in a layer is needed by nothing after all."""
-        self.ignore(rule, self.taken.pop(layer, 0))
+        self.ignore(rule, self.strokes.pop(layer, 0))
 
-    def ignore_other(self, layer: str) -> None:
+    def ignore_foreign(self, layer: str) -> None:
         """The entity is on a layer that does not count.
 
         Raises:
@@ -102,9 +102,9 @@ class Account:
         if nearest is not None:
             name = shortened(layer)
             raise self.refusal(f"has lines in the layer {name!r} (did you mean {nearest!r}?), allowed is another name")
-        self.others[layer] += 1
+        self.foreign_layers[layer] += 1
 
-    def take(
+    def add_stroke(
         self, layer: str, points: Points, *, closed: bool, kind: Literal["line", "filled", "fill"] = "line"
     ) -> Iterator[Stroke]:
         """The entity is taken, as a stroke; nothing of one without length.
@@ -120,17 +120,17 @@ class Account:
         if len(points) < 2:
             self.ignore("lines without length")
             return
-        self.taken[layer] += 1
+        self.strokes[layer] += 1
         yield Stroke(layer, np.vstack([points, points[:1]]) if closed else points, closed, kind)
 
-    def take_point(self, layer: str, point: Points) -> Stroke:
+    def add_point(self, layer: str, point: Points) -> Stroke:
         """The entity is taken, as a point (1, 2).
 
         Raises:
             InputError: it is too far away.
         """
         self.check_reach(layer, point)
-        self.taken[layer] += 1
+        self.strokes[layer] += 1
         return Stroke(layer, point, False)
 
     def check_points(self, number: int) -> None:
@@ -157,13 +157,13 @@ class Account:
 
     def to_text(self) -> str:
         """The account in one line."""
-        each = ", ".join(f"{layer} {self.taken[layer]}" for layer in LAYERS if self.taken[layer])
+        per_layer = ", ".join(f"{layer} {self.strokes[layer]}" for layer in LAYERS if self.strokes[layer])
         ignored = [f"{count} {rule}" for rule, count in self.ignored.items()]
-        if self.others:
-            names = [printable(shortened(name, 24)) for name in sorted(self.others)]
+        if self.foreign_layers:
+            names = [printable(shortened(name, 24)) for name in sorted(self.foreign_layers)]
             more = f" and {len(names) - NAMES_SHOWN} more" if len(names) > NAMES_SHOWN else ""
-            ignored.append(f"{self.others.total()} in other layers ({', '.join(names[:NAMES_SHOWN])}{more})")
-        return f"{self.path.name}: {self.taken.total()} taken ({each}), ignored {'; '.join(ignored) or 'none'}"
+            ignored.append(f"{self.foreign_layers.total()} in other layers ({', '.join(names[:NAMES_SHOWN])}{more})")
+        return f"{self.path.name}: {self.strokes.total()} taken ({per_layer}), ignored {'; '.join(ignored) or 'none'}"
 
 
 @functools.lru_cache(maxsize=1024)

@@ -157,7 +157,7 @@ class _Reader:
 
     def _shape(self, element: Any, name: str, state: State) -> Iterator[Stroke]:
         if state.layer is None:
-            self.account.ignore_other(state.name)
+            self.account.ignore_foreign(state.name)
             return
         if state.removed or state.invisible:
             raise self.account.hidden(name, state.layer)
@@ -169,16 +169,16 @@ class _Reader:
             self.account.ignore("shapes that draw nothing")
         for points, closed in pieces:
             kind: Literal["line", "filled"] = "filled" if state.filled and name != "line" else "line"
-            yield from self.account.take(state.layer, points, closed=closed, kind=kind)
+            yield from self.account.add_stroke(state.layer, points, closed=closed, kind=kind)
 
     def _within(self, element: Any, state: State, size: Any = None) -> State:
         """In a viewport of its own; its sides are those of `size`, which copies it, where that has any."""
         wide, high = state.viewport
         x, y = (length(element.get(key, "0"), side, self.account) for key, side in (("x", wide), ("y", high)))
-        given = {
+        side_texts = {
             key: (None if size is None else size.get(key)) or element.get(key, "100%") for key in ("width", "height")
         }
-        width, height = (length(given[key], s, self.account) for key, s in (("width", wide), ("height", high)))
+        width, height = (length(side_texts[key], s, self.account) for key, s in (("width", wide), ("height", high)))
         box = view_box(element, self.account)
         if box is None:
             return state._replace(matrix=state.matrix @ moved(x, y), viewport=(width, height))
@@ -193,7 +193,7 @@ class _Reader:
         if target is None and state.layer is not None:
             raise self.account.refusal(f"copies {link!r} into the layer {state.layer}, which the drawing lacks")
         if target is None:
-            self.account.ignore_other(state.name)
+            self.account.ignore_foreign(state.name)
             return []
         if name in state.uses or len(state.uses) >= DEEPEST:
             raise self.account.refusal(f"copies {link!r} into itself, or copies copies of copies")

@@ -31,12 +31,12 @@ def local(tag: Any) -> tuple[str, str]:
     return space.removeprefix("{"), name
 
 
-def length(text: str, whole: float, account: Account) -> float:
+def length(text: str, reference: float, account: Account) -> float:
     """A length in units of the user.
 
     Args:
         text: of the attribute.
-        whole: what a percentage is of.
+        reference: what a percentage is of.
         account: of the drawing, for messages.
 
     Raises:
@@ -46,10 +46,10 @@ def length(text: str, whole: float, account: Account) -> float:
     if match is None:
         raise account.refusal(f"has a length {text!r}, allowed is a number, perhaps in mm, cm, in, pt, pc, px, Q or %")
     value, unit = float(match[1]), (match[2] or "px").lower()
-    if unit == "%" and whole == 0.0:
+    if unit == "%" and reference == 0.0:
         raise account.refusal(f"has a length of {text!r} of a page without a size, allowed is a number")
     if unit == "%":
-        return 0.01 * value * whole
+        return 0.01 * value * reference
     return value * PHYSICAL.get(unit, PX) / PX
 
 

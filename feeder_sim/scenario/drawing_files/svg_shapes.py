@@ -82,16 +82,16 @@ def path_of(element: Any, name: str, viewport: tuple[float, float], account: Acc
     width, height = viewport
     diagonal = math.hypot(width, height) / math.sqrt(2.0)
 
-    def side(key: str, whole: float) -> float:
-        return length(element.get(key, "0"), whole, account)
+    def side(key: str, reference: float) -> float:
+        return length(element.get(key, "0"), reference, account)
 
     if name == "line":
         return f"M {side('x1', width)!r} {side('y1', height)!r} L {side('x2', width)!r} {side('y2', height)!r}"
     if name == "rect":
         x, y, w, h = side("x", width), side("y", height), side("width", width), side("height", height)
-        given = {key: element.get(key) for key in ("rx", "ry") if element.get(key, "auto") != "auto"}
-        rx = length(given["rx"], width, account) if "rx" in given else None
-        ry = length(given["ry"], height, account) if "ry" in given else None
+        radius_texts = {key: element.get(key) for key in ("rx", "ry") if element.get(key, "auto") != "auto"}
+        rx = length(radius_texts["rx"], width, account) if "rx" in radius_texts else None
+        ry = length(radius_texts["ry"], height, account) if "ry" in radius_texts else None
         rx, ry = rx if rx is not None else ry or 0.0, ry if ry is not None else rx or 0.0
         sizes = (w, h, rx, ry)
         path = _rectangle(x, y, w, h, min(rx, 0.5 * w), min(ry, 0.5 * h)) if w > 0.0 and h > 0.0 else ""

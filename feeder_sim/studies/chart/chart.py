@@ -7,7 +7,7 @@ are run in turn, so that their wall times are taken under the same load.
 The folder holds chart.toml, scenario.toml and journals as that of a sweep, and
 
     chart.csv    a row per setting, see `Row`
-    chart.json   which setting to take, the reference, what is left out, cautions
+    chart.json   which setting to take, the reference, what is left out, warnings
     chart.png    error over cost
 """
 
@@ -27,7 +27,7 @@ from feeder_sim.document.document import Table, Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.folder import SCENARIO
-from feeder_sim.jobs.task import Caution
+from feeder_sim.jobs.task import RepeatedWarning
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
 from feeder_sim.run.provenance import identity_of
@@ -95,8 +95,8 @@ class ChartQuestion(Question):
 
         def answer(cases: Cases, complete: bool, _: int) -> Chart:
             here = [point in cases.points for point in points]  # of a task of a job array not all are
-            asked, usual = list(itertools.compress(settings, here)), list(itertools.compress(default, here))
-            return charted(self, scenario, asked, usual, cases, complete, tuple(left_out))
+            selected, usual = list(itertools.compress(settings, here)), list(itertools.compress(default, here))
+            return charted(self, scenario, selected, usual, cases, complete, tuple(left_out))
 
         return CasesPlan(cases, answer)
 
@@ -156,7 +156,7 @@ class Chart(Study):
             the error that is good enough; None where it is a known value, or has no other setting beside it.
         left_out: settings that the scenario cannot be computed with, a line each.
         failures: why seeds have failed, each reason once.
-        cautions: settings that are known to mislead.
+        warnings: settings that are known to mislead.
     """
 
     picture = PICTURE
@@ -168,7 +168,7 @@ class Chart(Study):
     holds: bool | None = None
     left_out: tuple[str, ...] = ()
     failures: Sequence[str] = ()
-    cautions: Sequence[Caution] = ()
+    warnings: Sequence[RepeatedWarning] = ()
     places = "settings"
 
     @property
@@ -203,7 +203,7 @@ class Chart(Study):
             "recommended": best.setting if best else None,
             "reference_holds": self.holds,
             "left_out": list(self.left_out),
-            "cautions": [caution.as_dict() for caution in self.cautions],
+            "warnings": [warning.as_dict() for warning in self.warnings],
         }
 
     def lines(self, measure: str | None = None) -> list[str]:
@@ -224,9 +224,9 @@ class Chart(Study):
         for line in self.left_out:
             yield Text(f"left out: {line}")
         if self.holds is False:
-            yield Text("the reference still moves with its setting, so that errors are known no better", "caution")
+            yield Text("the reference still moves with its setting, so that errors are known no better", "warning")
         if any(row.seeds == 1 for row in self.rows):
-            yield Text("of one seed no error is known, --seeds gives more", "caution")
+            yield Text("of one seed no error is known, --seeds gives more", "warning")
 
     def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
         if not self.rows:
@@ -246,9 +246,9 @@ class Chart(Study):
             raise table.refused(", ".join(COLUMNS))
         try:
             state = json.loads(text_of(folder / STATE))
-            cautions = tuple(Caution.of_dict(entry) for entry in state["cautions"])
-            told = str(state["measure"]), table.rows(_row), bool(state["complete"])
-            return Chart(question, scenario, *told, state["reference_holds"], tuple(state["left_out"]), (), cautions)
+            warnings = tuple(RepeatedWarning.of_dict(entry) for entry in state["warnings"])
+            stored = str(state["measure"]), table.rows(_row), bool(state["complete"])
+            return Chart(question, scenario, *stored, state["reference_holds"], tuple(state["left_out"]), (), warnings)
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(f"holds no state of a chart: {error}", file=folder / STATE) from error
 
@@ -276,8 +276,8 @@ class Chart(Study):
 
     def _line(self) -> str:
         best = self.recommended
-        rest = "" if self.complete else ", not complete"
-        return f"Chart of {self.name}: {self.size}, take {best.setting if best else 'none'}{rest}"
+        suffix = "" if self.complete else ", not complete"
+        return f"Chart of {self.name}: {self.size}, take {best.setting if best else 'none'}{suffix}"
 
 
 def charted(
@@ -294,22 +294,22 @@ def charted(
     Raises:
         InputError: there is no such measure.
     """
-    done = [[seed for case in row for seed in case.seeds(cases.effort)] for row in cases.cases]
-    named = {name: 0.0 for seeds in done for seed in seeds for name in seed.values}
+    completed = [[seed for case in row for seed in case.seeds(cases.effort)] for row in cases.cases]
+    named = {name: 0.0 for seeds in completed for seed in seeds for name in seed.values}
     check_measure(question.measure or "", named)
     name = question.measure or main_measure(tuple(named), [row for rows in cases.rows for row in rows])
-    found = [Statistic.of(seed.values.get(name, math.nan) for seed in seeds) for seeds in done]
-    wall = [sum(seed.wall_s for seed in seeds) / len(seeds) if seeds else math.nan for seeds in done]
+    statistics = [Statistic.of(seed.values.get(name, math.nan) for seed in seeds) for seeds in completed]
+    wall = [sum(seed.wall_s for seed in seeds) / len(seeds) if seeds else math.nan for seeds in completed]
     usual = next((w for w, of in zip(wall, default, strict=True) if of), math.nan)
     at, beside = reference_of(settings)
     holds = (
         None
         if beside is None or question.known is not None
-        else _holds(found[at], found[beside], STILL * question.within)
+        else _holds(statistics[at], statistics[beside], STILL * question.within)
     )
-    right = Statistic(question.known, 0.0, 0.0, 1) if question.known is not None else found[at]
+    right = Statistic(question.known, 0.0, 0.0, 1) if question.known is not None else statistics[at]
     rows = []
-    for i, (setting, seeds, value) in enumerate(zip(settings, done, found, strict=True)):
+    for i, (setting, seeds, value) in enumerate(zip(settings, completed, statistics, strict=True)):
         if not seeds:
             continue
         is_reference = question.known is None and i == at
@@ -321,8 +321,8 @@ def charted(
         verdict = "fails" if fails else _verdict(error, unsure, abs(right.mean) * question.within)
         of_measure = value.mean, value.se, value.n, len(seeds), failed, error, error_se, wall[i], wall[i] / usual
         rows.append(Row(setting.method, setting.name, *of_measure, verdict, default[i], is_reference))
-    told: dict[str, Any] = {"failures": cases.failures, "cautions": cases.cautions}
-    return Chart(question, scenario, name, tuple(rows), complete, holds, left_out, **told)
+    problems: dict[str, Any] = {"failures": cases.failures, "warnings": cases.warnings}
+    return Chart(question, scenario, name, tuple(rows), complete, holds, left_out, **problems)
 
 
 def _holds(reference: Statistic, other: Statistic, share: float) -> bool | None:
@@ -342,14 +342,14 @@ def _verdict(error: float, error_se: float, good: float) -> str:
     return "good" if SURE * error_se <= good else "unclear"
 
 
-def _se(found: Statistic) -> float:
+def _se(statistic: Statistic) -> float:
     """Its standard error; 0 of a single value."""
-    return found.se if math.isfinite(found.se) else 0.0
+    return statistic.se if math.isfinite(statistic.se) else 0.0
 
 
 def _row(line: Line) -> Row:
-    mean, se, n, seeds, failed, *rest = (number_in(line[name]) for name in NUMBERS)
-    error, error_se, wall_s, cost = rest
+    mean, se, n, seeds, failed, *remaining = (number_in(line[name]) for name in NUMBERS)
+    error, error_se, wall_s, cost = remaining
     of_measure = mean, se, int(n), int(seeds), int(failed), error, error_se, wall_s, cost
     flags = line["default"] == "True", line["reference"] == "True"
     return Row(line["method"] or "", line["setting"] or "", *of_measure, line["verdict"] or "", *flags)

@@ -44,7 +44,7 @@ class Setting:
 
 def settings_of(scenario: Scenario, methods: tuple[str, ...], file: Path) -> tuple[list[Setting], list[str]]:
     """The settings of some methods that a scenario can be computed with; why the others are left out, a line each."""
-    found: list[Setting] = []
+    settings: list[Setting] = []
     left_out: dict[str, str] = {}
     for setting in _settings(scenario):
         if setting.method not in methods:
@@ -58,10 +58,10 @@ def settings_of(scenario: Scenario, methods: tuple[str, ...], file: Path) -> tup
             key = setting.name if setting.method == SIMPLIFIED else setting.method
             left_out.setdefault(key, f"{key}: {error.problem}")
             continue
-        found.append(setting)
-    if not any(is_default(scenario, setting, file) for setting in found):
-        found.append(Setting("", "as it is", {}))
-    return found, list(left_out.values())
+        settings.append(setting)
+    if not any(is_default(scenario, setting, file) for setting in settings):
+        settings.append(Setting("", "as it is", {}))
+    return settings, list(left_out.values())
 
 
 def reference_of(settings: Sequence[Setting]) -> tuple[int, int | None]:

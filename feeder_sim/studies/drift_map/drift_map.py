@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Made:
+class MapInputs:
     """What a map was made of: it holds for nothing else.
 
     Attributes:
@@ -63,7 +63,7 @@ class DriftMap:
         processor_s: that they took [s].
     """
 
-    made: Made
+    made: MapInputs
     plate: RectangularPlate
     frequency: Floats
     speed: Floats
@@ -115,8 +115,8 @@ class DriftMap:
     ) -> tuple[Floats, Floats, Floats]:
         """As `at`, with the slope divided by the wavenumber [m] of this frequency [1/m], which takes long to find."""
         omega = 2.0 * math.pi * frequency
-        whole = np.hypot(amplitude, quadrature)
-        speed = omega * whole
+        magnitude = np.hypot(amplitude, quadrature)
+        speed = omega * magnitude
         moving = omega * speed > GRAVITY
         theta = np.arctan2(quadrature, amplitude)
         drift, along, across = self._interpolated(frequency, np.maximum(speed, 1e-12), theta)
@@ -135,15 +135,15 @@ class DriftMap:
 
     def _at_frequency(self, frequency: float) -> Floats:
         """The tables (3, v, theta + 2) at a frequency, continued beyond antinode and node by their symmetry."""
-        held = self.__dict__.setdefault("_held", {})
-        if frequency not in held:
+        cache = self.__dict__.setdefault("_held", {})
+        if frequency not in cache:
             logs = np.log(self.frequency)
             (i,), (u,) = _cell(np.interp([math.log(frequency)], logs, np.arange(len(logs))), len(logs))
             table = np.stack([self.drift, self.along, self.across])
             there = table[:, i] * (1.0 - u) + table[:, min(i + 1, len(logs) - 1)] * u
             sign = np.array([-1.0, 1.0, 1.0])[:, None, None]
-            held[frequency] = np.concatenate([sign * there[..., :1], there, sign * there[..., -1:]], axis=2)
-        return np.asarray(held[frequency])
+            cache[frequency] = np.concatenate([sign * there[..., :1], there, sign * there[..., -1:]], axis=2)
+        return np.asarray(cache[frequency])
 
 
 def _cell(place: Floats, n: int) -> tuple[NDArray[np.int64], Floats]:

@@ -17,7 +17,7 @@ from feeder_sim.plate.materials import Material
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.files import write_whole
 from feeder_sim.scenario import Scenario, resolve_material
-from feeder_sim.studies.drift_map.drift_map import DriftMap, Made
+from feeder_sim.studies.drift_map.drift_map import DriftMap, MapInputs
 from feeder_sim.studies.drift_map.making import made_of, strip_of
 
 FORMAT, VERSION = "feeder_sim drift map", 2
@@ -63,11 +63,11 @@ def load_map(path: Path, scenario: Scenario | None = None, thickness: float | No
         if about["version"] != VERSION:
             problem = f"is of version {about['version']}, allowed is {VERSION}: make it again"
             raise InputError(problem, file=path)
-        made = Made(**about["made"])
+        inputs = MapInputs(**about["made"])
         plate = RectangularPlate(**about["plate"] | {"material": Material(**about["plate"]["material"])})
         cost = {name: float(about["cost"][name]) for name in COST}
-        held: dict[str, Any] = dict(zip(TABLES, tables, strict=True)) | cost
-        drift_map = DriftMap(made, plate, **held)
+        attributes: dict[str, Any] = dict(zip(TABLES, tables, strict=True)) | cost
+        drift_map = DriftMap(inputs, plate, **attributes)
         shape = (len(drift_map.frequency), len(drift_map.speed), drift_map.drift.shape[-1])
         if any(table.shape != shape or not np.isfinite(table).all() for table in tables[2:]):
             raise ValueError
@@ -86,21 +86,21 @@ def check_made(drift_map: DriftMap, scenario: Scenario, thickness: float, path: 
     Raises:
         InputError: its part, its contact, its engine or step, the material or thickness [m] of its plate differ.
     """
-    wanted, made = made_of(scenario, thickness), drift_map.made
+    requested, inputs = made_of(scenario, thickness), drift_map.made
     for name, what in (("part", "part"), ("contact", "contact"), ("method", "engine or step")):
-        if getattr(wanted, name) != getattr(made, name):
+        if getattr(requested, name) != getattr(inputs, name):
             raise InputError(f"is of another {what}, allowed is a drift map of that of the scenario", file=path)
     material, of_map = resolve_material(strip_of(scenario).material), drift_map.plate.material
     for constant in asdict(of_map):
-        if not _same(getattr(material, constant), getattr(of_map, constant)):
+        if not _is_close(getattr(material, constant), getattr(of_map, constant)):
             raise InputError("is of a plate of another material, allowed is that of the scenario", file=path)
-    if abs(wanted.thickness / made.thickness - 1.0) > 1e-6:
+    if abs(requested.thickness / inputs.thickness - 1.0) > 1e-6:
         raise InputError(
-            f"is of a plate of {1e3 * made.thickness:g} mm, allowed is {1e3 * thickness:g} mm, that of the scenario",
+            f"is of a plate of {1e3 * inputs.thickness:g} mm, allowed is {1e3 * thickness:g} mm, that of the scenario",
             file=path,
         )
 
 
-def _same(one: float | None, other: float | None) -> bool:
+def _is_close(one: float | None, other: float | None) -> bool:
     """Whether two constants are the same, but for rounding; None is that of an isotropic material."""
     return one == other or (one is not None and other is not None and math.isclose(one, other, rel_tol=1e-6))

@@ -37,7 +37,7 @@ from feeder_sim.scenario import (
 )
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.part import build_part
-from feeder_sim.studies.drift_map.drift_map import DriftMap, Made
+from feeder_sim.studies.drift_map.drift_map import DriftMap, MapInputs
 
 # Paths of parts on a standing wave -> mean drift and diffusion over the angle from antinode to node.
 #
@@ -97,8 +97,8 @@ def _of_bin(move: Floats, seed: NDArray[np.int64], lag: float) -> tuple[float, f
     if len(move) < LEAST:
         return math.nan, math.nan, math.nan, math.nan
     drift = float(move[:, 0].mean())
-    _, own = np.unique(seed, return_inverse=True)
-    excess = np.bincount(own, move[:, 0] - drift)  # of every seed over the mean: a ratio of sums over seeds
+    _, seed_index = np.unique(seed, return_inverse=True)
+    excess = np.bincount(seed_index, move[:, 0] - drift)  # of every seed over the mean: a ratio of sums over seeds
     m = len(excess)
     error = math.sqrt(float((excess**2).sum()) * m / max(m - 1, 1)) / len(move)
     spread = ((move - [drift, 0.0]) ** 2).mean(axis=0) / (2.0 * lag)
@@ -121,7 +121,7 @@ WAVELENGTHS, WIDE_MM = 20.0, 3000.0  # of the strip; a part that tumbles crosses
 STARTS_OVER = 4.0  # wavelengths
 
 
-def made_of(scenario: Scenario, thickness: float) -> Made:
+def made_of(scenario: Scenario, thickness: float) -> MapInputs:
     """What a map for the part and the contact of a scenario is made of.
 
     Raises:
@@ -154,7 +154,7 @@ def made_of(scenario: Scenario, thickness: float) -> Made:
         f"tolerance {alone.tolerance:g} nm" if engine.method in ("exact", "joint") else f"{run.steps} steps per period"
     )
     method = f"{engine.name}, {exact}"
-    return Made(part, contact, method, thickness)
+    return MapInputs(part, contact, method, thickness)
 
 
 def strip_of(scenario: Scenario) -> Strip:
@@ -221,7 +221,7 @@ def make_map(
         Interrupted: it was given up.
     """
     plate = RectangularPlate(1.0, 1.0, 1e-3 * strip.thickness_mm, resolve_material(strip.material))
-    made = made_of(scenario, plate.thickness)
+    inputs = made_of(scenario, plate.thickness)
     shape = (len(frequencies_hz), len(speeds_m_s), bins)
     how: dict[str, Any] = {"workers": workers, "executor": executor, "stop": stop, "notify": notify}
     table, simulated, began = np.zeros((4, *shape)), 0.0, time.process_time()
@@ -237,16 +237,16 @@ def make_map(
                 result = run_ensemble(prepare(run), **how)
                 if stop is not None and stop.is_set():
                     raise Interrupted("interrupted")
-                found = _bins(result.trajectories, speed, wavenumber, bins)
+                bin_values = _bins(result.trajectories, speed, wavenumber, bins)
                 units = (0.5 * plate.thickness * wavenumber * speed,) * 2 + (speed**3 / GRAVITY,) * 2
-                values = (found.drift, found.drift_se, found.along, found.across)
+                values = (bin_values.drift, bin_values.drift_se, bin_values.along, bin_values.across)
                 table[:, i, j] = [filled(value) / unit for value, unit in zip(values, units, strict=True)]
                 simulated += sum(float(frames.time[-1]) for frames in result.trajectories)
             if progress:
                 progress((i * len(speeds_m_s) + j + 1) / (len(frequencies_hz) * len(speeds_m_s)))
     drift, drift_se, along, across = table
     of = np.array(frequencies_hz, float), np.array(speeds_m_s, float)
-    return DriftMap(made, plate, *of, drift, drift_se, along, across, simulated, time.process_time() - began)
+    return DriftMap(inputs, plate, *of, drift, drift_se, along, across, simulated, time.process_time() - began)
 
 
 def seeds_at(speed: float, seeds: int) -> int:
@@ -256,8 +256,8 @@ def seeds_at(speed: float, seeds: int) -> int:
 
 def _to_node(plate: RectangularPlate, wavenumber: float, speed: float) -> float:
     """Time [s] that a part takes for half of the way to the node, about, but two increments at least."""
-    half_way = 0.25 * math.pi / wavenumber
-    return max(2.0 * lag_of(speed), half_way / (USUAL * 0.5 * plate.thickness * wavenumber * speed))
+    half_distance = 0.25 * math.pi / wavenumber
+    return max(2.0 * lag_of(speed), half_distance / (USUAL * 0.5 * plate.thickness * wavenumber * speed))
 
 
 def lag_of(speed: float) -> float:
@@ -311,5 +311,5 @@ def _bins(trajectories: Sequence[Frames], speed: float, wavenumber: float, bins:
 
 def filled(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values of bins (n,); those of empty ones are interpolated between their neighbours."""
-    known = np.flatnonzero(np.isfinite(values))
-    return np.interp(np.arange(len(values)), known, values[known]) if len(known) else np.zeros(len(values))
+    occupied = np.flatnonzero(np.isfinite(values))
+    return np.interp(np.arange(len(values)), occupied, values[occupied]) if len(occupied) else np.zeros(len(values))

@@ -26,7 +26,7 @@ from feeder_sim.studies.drift_map.files import check_made
 
 Floats = NDArray[np.float64]
 STEP_S = 0.02
-LOOK_S = 0.04  # between two looks whether a part has settled
+CHECK_INTERVAL_S = 0.04  # between two checks whether a part has settled
 Look = Callable[[float, Floats], bool]  # takes the time [s] and the places (n, 2) [m], NaN of lost parts; True: enough
 
 
@@ -170,7 +170,7 @@ class _Ring:
         """What is left of it when the next stage begins."""
         if self.mode is None or self.drive is None:
             return None
-        return self.mode, self.drive, self.drive.steady_amplitude * _left(self.drive, pause)
+        return self.mode, self.drive, self.drive.steady_amplitude * _remaining_share(self.drive, pause)
 
     def driven(self, times: Floats) -> Floats:
         """Amplitude of the driven mode (n,) [m]."""
@@ -180,14 +180,14 @@ class _Ring:
 
     def strongest(self, time: float, driven: float) -> tuple[Mode, float] | None:
         """The mode that moves parts at a time [s] after the begin of the stage, and its amplitude [m]."""
-        found = [(self.mode, driven)] if self.mode is not None else []
+        moving_modes = [(self.mode, driven)] if self.mode is not None else []
         if self.before is not None:
             mode, drive, amplitude = self.before
-            found.append((mode, amplitude * _left(drive, time)))
-        return max(found, key=lambda pair: pair[0].frequency * pair[1], default=None)
+            moving_modes.append((mode, amplitude * _remaining_share(drive, time)))
+        return max(moving_modes, key=lambda pair: pair[0].frequency * pair[1], default=None)
 
 
-def _left(drive: ModalDrive, time: float) -> float:
+def _remaining_share(drive: ModalDrive, time: float) -> float:
     """Share of the amplitude that is left so long [s] after the drive has stopped."""
     return math.exp(-time / drive.ring_up_time) if drive.ring_up_time else float(time <= 0.0)
 
@@ -217,16 +217,16 @@ class _Walkers:
         amplitude = ring.driven(step * (np.arange(steps, dtype=float) + 0.5))
         lasted, settled_for = np.full(len(self.points), longest), np.zeros(len(self.points))
         going = ~np.isnan(self.points[:, 0])
-        every = max(1, round(LOOK_S / step))
+        steps_per_check = max(1, round(CHECK_INTERVAL_S / step))
         for k in range(steps):
             self._move(ring.strongest((k + 0.5) * step, float(amplitude[k])), step, going)
             if self.enough:
                 break
-            if self._lines is not None and stage.until is not None and (k + 1) % every == 0:
+            if self._lines is not None and stage.until is not None and (k + 1) % steps_per_check == 0:
                 going &= ~np.isnan(self.points[:, 0])
                 now = np.flatnonzero(going)
                 near = self._lines.near(number, self.points[now], 1e-3 * stage.until.within_mm)
-                settled_for[now] = np.where(near, settled_for[now] + every * step, 0.0)
+                settled_for[now] = np.where(near, settled_for[now] + steps_per_check * step, 0.0)
                 ended = now[settled_for[now] >= stage.until.for_s]
                 lasted[ended], going[ended] = (k + 1) * step, False
                 if not going.any():
@@ -238,8 +238,8 @@ class _Walkers:
         steps = 0 if self.enough else math.ceil(longest / self._step - 1e-9)
         for k in range(steps):
             step = longest / steps
-            left = ring.after((k + 0.5) * step)
-            self._move((left[0], left[2]) if left else None, step, ~np.isnan(self.points[:, 0]))
+            remaining = ring.after((k + 0.5) * step)
+            self._move((remaining[0], remaining[2]) if remaining else None, step, ~np.isnan(self.points[:, 0]))
 
     def _move(self, moved: tuple[Mode, float] | None, step: float, going: NDArray[np.bool_]) -> None:
         if moved is not None and moved[1] > 0.0:

@@ -32,7 +32,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Bench
-from feeder_sim.jobs.task import Caution, cautions_over, most_frequent
+from feeder_sim.jobs.task import RepeatedWarning, most_frequent, warnings_over
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
@@ -127,7 +127,7 @@ class SearchPlan(Plan):
 
     def __init__(self, question: OptimiseQuestion, space: Space, aim: Aim) -> None:
         self._question, self._space, self._aim = question, space, aim
-        self._done: SearchRun | None = None
+        self._search_run: SearchRun | None = None
 
     def take(self, ledger: Ledger) -> None:
         for seed in ledger:
@@ -137,25 +137,25 @@ class SearchPlan(Plan):
         raise InputError("is given, allowed is none: a search learns from all its trials", argument="task")
 
     def run(self, bench: Bench) -> bool:
-        asked = self._question
+        question = self._question
         starts = []
-        if asked.screen is not None and not (bench.folder and (bench.folder / LOG).exists()):
-            starts = first_recipes(self._space, self._aim, asked.screen, asked.recipes, bench.progress)
-            bench.say(f"{len(starts)} recipes of {asked.recipes} begin the search")
-        budget = Budget(asked.trials, asked.budget_s or math.inf, asked.check_seeds)
-        self._done = SearchRun(self._space, self._aim, budget, asked.sampler, bench)
-        return self._done.run(starts)
+        if question.screen is not None and not (bench.folder and (bench.folder / LOG).exists()):
+            starts = first_recipes(self._space, self._aim, question.screen, question.recipes, bench.progress)
+            bench.say(f"{len(starts)} recipes of {question.recipes} begin the search")
+        budget = Budget(question.trials, question.budget_s or math.inf, question.check_seeds)
+        self._search_run = SearchRun(self._space, self._aim, budget, question.sampler, bench)
+        return self._search_run.run(starts)
 
-    def study(self, complete: bool, others: int) -> Search:
-        done = self._done
-        assert done is not None
-        trials = [Tried.of(trial, self._aim) for trial in done.trials]
-        told = tuple(cautions_over(trial.case.done.values() for trial in done.trials if trial.case))
-        return Search(self._question, self._space, self._aim, trials, done.present, done.best, complete, told)
+    def study(self, complete: bool, foreign_seeds: int) -> Search:
+        run = self._search_run
+        assert run is not None
+        trials = [TrialRow.of(trial, self._aim) for trial in run.trials]
+        warnings = tuple(warnings_over(trial.case.done.values() for trial in run.trials if trial.case))
+        return Search(self._question, self._space, self._aim, trials, run.present, run.best, complete, warnings)
 
 
 @dataclass(frozen=True)
-class Tried:
+class TrialRow:
     """A trial as a row of the table.
 
     Attributes:
@@ -186,11 +186,11 @@ class Tried:
         return self.seeds == aim.seeds and not math.isnan(self.found.mean)
 
     @staticmethod
-    def of(trial: Trial, aim: Aim) -> Tried:
+    def of(trial: Trial, aim: Aim) -> TrialRow:
         """A trial that was judged."""
         values = trial.values(aim)
-        found = Statistic.of(values if not math.isnan(trial.mean(aim)) else [])
-        return Tried(trial.number, trial.point, found, len(values), trial.stopped, trial.why_none(aim))
+        statistic = Statistic.of(values if not math.isnan(trial.mean(aim)) else [])
+        return TrialRow(trial.number, trial.point, statistic, len(values), trial.stopped, trial.why_none(aim))
 
 
 @dataclass(frozen=True, repr=False)
@@ -213,11 +213,11 @@ class Search(Study):
     question: OptimiseQuestion
     space: Space
     aim: Aim
-    trials: Sequence[Tried]
+    trials: Sequence[TrialRow]
     present: Checked | None
     best: Checked | None
     complete: bool
-    of_trials: tuple[Caution, ...] = ()
+    of_trials: tuple[RepeatedWarning, ...] = ()
 
     @property
     def scenario(self) -> Scenario:
@@ -230,9 +230,9 @@ class Search(Study):
         return [parameter.key for parameter in self.space.parameters]
 
     @property
-    def cautions(self) -> list[Caution]:
+    def warnings(self) -> list[RepeatedWarning]:
         """What is to be known before the best recipe is taken; then what is known to mislead in those tried."""
-        return [*([Caution(self.doubt, 1, 1)] if self.doubt else []), *self.of_trials]
+        return [*([RepeatedWarning(self.doubt, 1, 1)] if self.doubt else []), *self.of_trials]
 
     @property
     def doubt(self) -> str:
@@ -242,11 +242,11 @@ class Search(Study):
             return ""
         if self.best.point == self.space.present:
             return "no recipe was found that is better than that of the file, which is the one in best.toml"
-        found = f"difference {self.gain.mean:+.4g} (95 %: {low:+.4g} to {high:+.4g}) with fresh seeds"
+        difference = f"difference {self.gain.mean:+.4g} (95 %: {low:+.4g} to {high:+.4g}) with fresh seeds"
         if self.aim.better(0.0, high if self.aim.largest else low):
-            return f"no recipe was found that is better than that of the file: best.toml is worse, {found}"
+            return f"no recipe was found that is better than that of the file: best.toml is worse, {difference}"
         if not self.aim.better(low if self.aim.largest else high, 0.0):
-            return f"the best recipe (best.toml) is not told apart from that of the file: {found}"
+            return f"the best recipe (best.toml) is not told apart from that of the file: {difference}"
         return ""
 
     @property
@@ -265,7 +265,7 @@ class Search(Study):
     def running_best(self) -> list[float]:
         """The best mean up to each trial, of those that have all their seeds; NaN before the first of them."""
 
-        def better(best: float, trial: Tried) -> float:
+        def better(best: float, trial: TrialRow) -> float:
             mean = trial.found.mean
             return mean if trial.is_whole(self.aim) and self.aim.better(mean, best) else best
 
@@ -282,21 +282,21 @@ class Search(Study):
         return self.best is not None and _as_read(self.best.point or {}) == _as_read(self.present_point)
 
     @property
-    def first(self) -> Tried | None:
+    def first(self) -> TrialRow | None:
         """The trial with the best mean, of those that have all their seeds."""
         pick = max if self.aim.largest else min
-        return pick(self._whole, key=lambda trial: trial.found.mean, default=None)
+        return pick(self._complete_trials, key=lambda trial: trial.found.mean, default=None)
 
     @property
-    def leader(self) -> Tried | None:
+    def leader(self) -> TrialRow | None:
         """The trial of the best recipe; before the check the one with the best mean."""
         if self.best is None:
             return self.first
-        wanted = _as_read(self.best.point or {})
-        return next((trial for trial in self._whole if _as_read(trial.point) == wanted), None)
+        target = _as_read(self.best.point or {})
+        return next((trial for trial in self._complete_trials if _as_read(trial.point) == target), None)
 
     @property
-    def _whole(self) -> list[Tried]:
+    def _complete_trials(self) -> list[TrialRow]:
         return [trial for trial in self.trials if trial.is_whole(self.aim)]
 
     @property
@@ -339,22 +339,22 @@ class Search(Study):
 
     def remarks(self, measure: str | None = None) -> Iterator[Text]:
         yield from super().remarks(measure)
-        for line in self.best.cautions if self.best else ():
-            yield Text(f"the best recipe: {line}", "caution")
+        for line in self.best.warnings if self.best else ():
+            yield Text(f"the best recipe: {line}", "warning")
         for name, checked in (("recipe of the file", self.present), ("best recipe", self.best)):
             if checked is not None and checked.without_value:
                 none = f"{checked.without_value} of {len(checked.values)} fresh seeds of the {name}"
-                yield Text(f"{none} have no {self.aim.measure}", "caution")
+                yield Text(f"{none} have no {self.aim.measure}", "warning")
         if self.present is not None and len(self.present.values) < FEW_FRESH:
-            yield Text(f"{len(self.present.values)} fresh seeds are few: intervals are wide", "caution")
+            yield Text(f"{len(self.present.values)} fresh seeds are few: intervals are wide", "warning")
         if len(self.trials) < RANDOM_TRIALS:
             why = f"the first {RANDOM_TRIALS} are drawn at random, and the search learns from them"
-            yield Text(f"{len(self.trials)} recipes are few: {why}", "caution")
+            yield Text(f"{len(self.trials)} recipes are few: {why}", "warning")
         best = (self.best.point if self.best else None) or {}
         for parameter in self.space.parameters:
             if end := parameter.end_near(best[parameter.key]) if parameter.key in best else "":
                 where = f"{parameter.key} of the best recipe lies at the {end} end of its range"
-                yield Text(f"{where}: a wider one may hold a better recipe", "caution")
+                yield Text(f"{where}: a wider one may hold a better recipe", "warning")
         for became, what in (("without value", "a seed without a value"), ("refused", "values not allowed together")):
             if refused := [trial.refused for trial in self.trials if trial.became == became]:
                 why = f"{len(refused)} recipes have {what} and do not count, mostly: {most_frequent(refused)}"
@@ -369,9 +369,9 @@ class Search(Study):
             lines.append(labelled("without a value", f"{len(why)}, mostly: {most_frequent(why)}"))
         for label, checked in (("as it is", self.present), ("best", self.best)):
             if checked is not None:
-                found = checked.found
-                value = f"{found.mean:.4g} +- {found.se:.2g}" if found.n > 1 else "in one seed at most"
-                of = f"{found.n} of {len(checked.values)} fresh seeds"
+                statistic = checked.found
+                value = f"{statistic.mean:.4g} +- {statistic.se:.2g}" if statistic.n > 1 else "in one seed at most"
+                of = f"{statistic.n} of {len(checked.values)} fresh seeds"
                 lines.append(labelled(label, f"{self.aim.measure} {value}, {of}"))
         if self.gain.n > 1:
             low, high = self.gain.interval
@@ -383,7 +383,7 @@ class Search(Study):
 
     def as_json(self, measure: str | None = None) -> dict[str, Any]:
         low, high = self.gain.interval
-        gain = self.gain.as_dict() | {"low": finite_or_none(low), "high": finite_or_none(high)}
+        improvement = self.gain.as_dict() | {"low": finite_or_none(low), "high": finite_or_none(high)}
         return {
             "measure": self.aim.measure,
             "maximise": self.aim.largest,
@@ -393,8 +393,8 @@ class Search(Study):
             "complete": self.complete,
             "present": self.present.as_json() if self.present else None,
             "best": self.best.as_json() | {"values": labels(self.best.point or {})} if self.best else None,
-            "gain": gain,
-            "cautions": [caution.as_dict() for caution in self.cautions],
+            "gain": improvement,
+            "warnings": [warning.as_dict() for warning in self.warnings],
         }
 
     def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
@@ -402,8 +402,8 @@ class Search(Study):
         values = (checked.values if checked else () for checked in (self.present, self.best))
         pairs = itertools.zip_longest(*values, fillvalue=math.nan)
         checks = [dict(zip(CHECKED, (seed, *pair), strict=True)) for seed, pair in enumerate(pairs)]
-        found = {TRIALS: csv_bytes(["trial", *self.keys, *COLUMNS], trials), CHECK: csv_bytes(CHECKED, checks)}
-        return found | ({BEST: carried(self.best_scenario).encode()} if self.best and self.best.point else {})
+        tables = {TRIALS: csv_bytes(["trial", *self.keys, *COLUMNS], trials), CHECK: csv_bytes(CHECKED, checks)}
+        return tables | ({BEST: carried(self.best_scenario).encode()} if self.best and self.best.point else {})
 
     @staticmethod
     def read(folder: Path) -> Search:
@@ -439,27 +439,27 @@ class Search(Study):
     def _line(self) -> str:
         aim = f"{'largest' if self.aim.largest else 'smallest'} {self.aim.measure}"
         low, high = self.gain.interval
-        gain = f", best less present {self.gain.mean:+.3g} ({low:+.3g} to {high:+.3g}) with fresh seeds"
-        known = math.isfinite(low) and math.isfinite(high)
-        return f"Search for the {aim}: {counted(len(self.trials), 'trial')}{gain if known else ''}"
+        improvement = f", best less present {self.gain.mean:+.3g} ({low:+.3g} to {high:+.3g}) with fresh seeds"
+        is_finite = math.isfinite(low) and math.isfinite(high)
+        return f"Search for the {aim}: {counted(len(self.trials), 'trial')}{improvement if is_finite else ''}"
 
-    def _shown(self) -> list[Record]:
+    def _notebook_rows(self) -> list[Record]:
         """The recipes with fresh seeds, or else the trials."""
         checked = {"as it is": (self.space.present or {}, self.present), "best": ({}, self.best)}
         rows: list[Record] = []
-        for name, (point, found) in checked.items():
-            if found is not None:
-                values = labels({key: (found.point or point).get(key) for key in self.keys})
-                rows.append({"recipe": name, **values, **found.found.as_dict()})
+        for name, (point, check) in checked.items():
+            if check is not None:
+                values = labels({key: (check.point or point).get(key) for key in self.keys})
+                rows.append({"recipe": name, **values, **check.found.as_dict()})
         return rows or self.table()
 
 
-def _trial(line: Line, keys: tuple[str, ...]) -> Tried:
+def _trial(line: Line, keys: tuple[str, ...]) -> TrialRow:
     mean, se, seeds, stopped = (number_in(line[name]) for name in COLUMNS[:4])
     n = 0 if math.isnan(mean) else int(seeds)
-    found = Statistic(mean, se * math.sqrt(n), se, n)
+    statistic = Statistic(mean, se * math.sqrt(n), se, n)
     point = {key: value_in(line[key]) for key in keys}
-    return Tried(int(line["trial"] or ""), point, found, int(seeds), bool(int(stopped)), line["refused"] or "")
+    return TrialRow(int(line["trial"] or ""), point, statistic, int(seeds), bool(int(stopped)), line["refused"] or "")
 
 
 def _check(folder: Path, keys: tuple[str, ...]) -> tuple[Checked | None, Checked | None]:
@@ -470,10 +470,10 @@ def _check(folder: Path, keys: tuple[str, ...]) -> tuple[Checked | None, Checked
     pairs = table.rows(lambda line: (number_in(line["present"]), number_in(line["best"])))
     if not pairs:
         return None, None
-    present, best = (tuple(values) for values in zip(*pairs, strict=True))
+    baseline, best = (tuple(values) for values in zip(*pairs, strict=True))
     if all(math.isnan(value) for value in best):
-        return Checked(None, present), None
-    return Checked(None, present), Checked(_point_of(load_scenario(folder / BEST), keys), best)
+        return Checked(None, baseline), None
+    return Checked(None, baseline), Checked(_point_of(load_scenario(folder / BEST), keys), best)
 
 
 def _point_of(scenario: Scenario, keys: tuple[str, ...] | list[str]) -> Point:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from optuna.samplers import BaseSampler
     from optuna.study import Study
     from optuna.trial import FrozenTrial
-    from optuna.trial import Trial as AskedTrial
+    from optuna.trial import Trial as OptunaTrial
 
 Sampler = Literal["tpe", "cmaes"]
 LOG = "optuna.log"
@@ -56,29 +56,29 @@ class Proposals:
         parameters = self._space.parameters
         points: list[tuple[int, Point]] = []
         for number in range(self._handed, self._handed + size):
-            kept = self._kept(number)
-            if kept is not None and set(kept.params) >= {parameter.key for parameter in parameters}:
-                point = {p.key: _value(p, kept.params[p.key]) for p in parameters}
+            recorded = self._recorded(number)
+            if recorded is not None and set(recorded.params) >= {parameter.key for parameter in parameters}:
+                point = {p.key: _value(p, recorded.params[p.key]) for p in parameters}
             else:
-                point = self._space.suggest(self._asked(number, kept))
+                point = self._space.suggest(self._open_trial(number, recorded))
             points.append((number, point))
         self._handed += size
         return points
 
-    def _kept(self, number: int) -> FrozenTrial | None:
+    def _recorded(self, number: int) -> FrozenTrial | None:
         """What the record has of a trial that was asked for before; None where it was not."""
         from optuna.trial import TrialState
 
-        recorded = self._study.get_trials(deepcopy=False)
-        kept = recorded[number] if number < len(recorded) else None
-        return kept if kept is not None and kept.state != TrialState.WAITING else None
+        trials = self._study.get_trials(deepcopy=False)
+        trial = trials[number] if number < len(trials) else None
+        return trial if trial is not None and trial.state != TrialState.WAITING else None
 
-    def _asked(self, number: int, kept: FrozenTrial | None) -> AskedTrial:
+    def _open_trial(self, number: int, recorded: FrozenTrial | None) -> OptunaTrial:
         """A trial that takes its values now: a new one, or one that a kill has left without some of its values."""
         import optuna
 
         self._study.sampler = _sampler_of(self._sampler, self._space, number)
-        return self._study.ask() if kept is None else optuna.Trial(self._study, kept._trial_id)
+        return self._study.ask() if recorded is None else optuna.Trial(self._study, recorded._trial_id)
 
     def tell(self, trials: Sequence[Trial]) -> None:
         """Tell Optuna what became of trials; a recipe without a value counts as worse than all others."""
@@ -103,8 +103,8 @@ def _study(log: Path | None, space: Space, aim: Aim, sampler: str) -> Study:
         raise MissingExtra("search", key="optimise") from None
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     direction = StudyDirection.MAXIMIZE if aim.largest else StudyDirection.MINIMIZE
-    asked = f"{identity_of(space.scenario)} {aim} {space.parameters} {sampler}"
-    name = hashlib.sha256(asked.encode()).hexdigest()[:16]
+    question = f"{identity_of(space.scenario)} {aim} {space.parameters} {sampler}"
+    name = hashlib.sha256(question.encode()).hexdigest()[:16]
     try:
         storage = JournalStorage(JournalFileBackend(str(log))) if log else InMemoryStorage()
         return optuna.create_study(study_name=name, storage=storage, direction=direction, load_if_exists=True)
@@ -140,6 +140,6 @@ def _check_sampler(name: str, space: Space) -> None:
         raise MissingExtra("search", argument="sampler")
 
 
-def _value(parameter: Parameter, kept: Any) -> Any:
+def _value(parameter: Parameter, recorded: Any) -> Any:
     """A value from what Optuna has kept of it."""
-    return kept if parameter.span else parameter.choices[parameter.names.index(kept)]
+    return recorded if parameter.span else parameter.choices[parameter.names.index(recorded)]

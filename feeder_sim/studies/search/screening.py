@@ -45,7 +45,7 @@ def screened(
     aim: Aim,
     drift_map: DriftMap,
     recipes: int,
-    keep: int,
+    count: int,
     progress: Callable[[float], None] | None = None,
 ) -> list[Point]:
     """The best of a scrambled Sobol sample of recipes, best first.
@@ -55,7 +55,7 @@ def screened(
         aim: has to be the least time of arrival.
         drift_map: of the part and contact of the scenario, and the thickness of its plate.
         recipes: in the sample, rounded up to a power of two.
-        keep: how many to return; fewer where fewer recipes bring all walkers to the goal.
+        count: how many to return; fewer where fewer recipes bring all walkers to the goal.
         progress: called with the share that is done.
 
     Raises:
@@ -67,7 +67,7 @@ def screened(
         raise InputError("needs a [goal] and a single part, which a drift map moves", argument="screen")
     exponent = max(1, int(np.ceil(np.log2(recipes))))
     shares = qmc.Sobol(len(space.parameters), rng=space.scenario.run.seed).random_base2(exponent)
-    found: list[tuple[float, Point]] = []
+    arrivals: list[tuple[float, Point]] = []
     refused: InputError | None = None
     for number, row in enumerate(shares):
         point = {p.key: p.at(float(share)) for p, share in zip(space.parameters, row, strict=True)}
@@ -77,12 +77,12 @@ def screened(
             refused = error
         else:
             if np.isfinite(arrival):
-                found.append((arrival, point))
+                arrivals.append((arrival, point))
         if progress:
             progress((number + 1) / len(shares))
-    if not found and refused is not None:
+    if not arrivals and refused is not None:
         raise refused
-    return [point for _, point in sorted(found, key=lambda pair: pair[0])[:keep]]
+    return [point for _, point in sorted(arrivals, key=lambda pair: pair[0])[:count]]
 
 
 def _arrival(drift_map: DriftMap, scenario: Scenario, number: int) -> float:

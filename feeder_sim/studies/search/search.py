@@ -54,12 +54,12 @@ class Checked:
     Attributes:
         point: its values; None for the scenario as it is.
         values: of the measure, seed by seed; NaN where a seed has none.
-        cautions: settings of the recipe that are known to mislead, a line each.
+        warnings: settings of the recipe that are known to mislead, a line each.
     """
 
     point: Point | None
     values: tuple[float, ...]
-    cautions: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def found(self) -> Statistic:
@@ -73,7 +73,7 @@ class Checked:
 
     def as_json(self) -> dict[str, Any]:
         """As JSON takes it: `n` of the seeds have a value."""
-        return self.found.as_dict() | {"seeds": len(self.values), "cautions": list(self.cautions)}
+        return self.found.as_dict() | {"seeds": len(self.values), "warnings": list(self.warnings)}
 
 
 class SearchRun:
@@ -148,18 +148,18 @@ class SearchRun:
     def _check(self) -> bool:
         """Run the finalists longer, then the best of them and the present recipe with fresh seeds; whether all was."""
         space, aim = self._space, self._aim
-        whole = (trial for trial in self.trials if trial.is_whole(aim))
-        finalists = sorted(whole, key=lambda trial: trial.mean(aim), reverse=aim.largest)[:FINALISTS]
+        complete = (trial for trial in self.trials if trial.is_whole(aim))
+        finalists = sorted(complete, key=lambda trial: trial.mean(aim), reverse=aim.largest)[:FINALISTS]
         longer = replace(aim, seeds=2 * aim.seeds)
-        tried = [_Whole(trial.number, trial.point, trial.case) for trial in finalists]
-        if not self._run(tried, longer, None):
+        extended = [_FullTrial(trial.number, trial.point, trial.case) for trial in finalists]
+        if not self._run(extended, longer, None):
             return False
-        best = _best(tried, longer)
+        best = _best(extended, longer)
         fresh = replace(aim, seeds=self._budget.check_seeds)
         scenarios = [space.scenario] + ([space.changed(best.point)] if best else [])
         root = (space.scenario.run.seed + FRESH) % SEED_LIMIT
         anew = [scenario.changed({"run.seed": root}, file=space.file) for scenario in scenarios]
-        checks = [_Whole(-1, {}, self._case_of(scenario)) for scenario in anew]
+        checks = [_FullTrial(-1, {}, self._case_of(scenario)) for scenario in anew]
         if not self._run(checks, fresh, None):
             return False
         self.present = _checked(None, checks[0], fresh)
@@ -169,11 +169,11 @@ class SearchRun:
 
 def _checked(point: Point | None, trial: Trial, aim: Aim) -> Checked:
     seeds = trial.case.done.values() if trial.case else ()
-    cautions = next((seed.cautions for seed in seeds), ())  # those of the scenario, so all seeds have the same
-    return Checked(point, tuple(trial.values(aim)), cautions)
+    warnings = next((seed.warnings for seed in seeds), ())  # those of the scenario, so all seeds have the same
+    return Checked(point, tuple(trial.values(aim)), warnings)
 
 
-class _Whole(Trial):
+class _FullTrial(Trial):
     """A trial that is not given up, also where seeds have no value."""
 
     def judge(self, aim: Aim, best: Trial | None) -> int:

@@ -93,8 +93,8 @@ class Space:
         parameters = []
         for axis in (read_axis(text, "over") for text in over):
             now = value_at(raw, axis.key)
-            whole = axis.key.endswith(MODE) or (isinstance(now, int) and not isinstance(now, bool))
-            parameters.append(Parameter(axis.key, *_span_and_choices(axis, whole)))
+            is_integer = axis.key.endswith(MODE) or (isinstance(now, int) and not isinstance(now, bool))
+            parameters.append(Parameter(axis.key, *_span_and_choices(axis, is_integer)))
         keys = [parameter.key for parameter in parameters]
         if not keys or len(set(keys)) < len(keys):
             raise InputError("is missing or names a key twice, allowed is each key once", argument="over")
@@ -138,11 +138,11 @@ class Space:
         return 1 + min(range(len(frequencies)), key=lambda mode: abs(frequencies[mode] - frequency))
 
 
-def _span_and_choices(axis: Axis, whole: bool) -> tuple[Range | None, bool, tuple[Any, ...]]:
+def _span_and_choices(axis: Axis, is_integer: bool) -> tuple[Range | None, bool, tuple[Any, ...]]:
     if axis.values and axis.span:
         raise InputError("has a number of values, allowed is LOW:HIGH or LOW:HIGH:log", key=axis.key, argument="over")
     if axis.span is None:
         return None, False, axis.values
-    if whole and not (axis.span.low.is_integer() and axis.span.high.is_integer()):
+    if is_integer and not (axis.span.low.is_integer() and axis.span.high.is_integer()):
         raise InputError("has ends that are not whole, allowed are whole numbers", key=axis.key, argument="over")
-    return axis.span, whole, ()
+    return axis.span, is_integer, ()

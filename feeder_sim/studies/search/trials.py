@@ -74,13 +74,13 @@ class Trial:
 
     def values(self, aim: Aim, seeds: int | None = None) -> list[float]:
         """What its first seeds have come to, as far as they are done in a row."""
-        found: list[float] = []
-        done = self.case.done if self.case else {}
+        values: list[float] = []
+        completed = self.case.done if self.case else {}
         for seed in range(seeds or aim.seeds):
-            if seed not in done:
+            if seed not in completed:
                 break
-            found.append(done[seed].values.get(aim.measure, math.nan))
-        return found
+            values.append(completed[seed].values.get(aim.measure, math.nan))
+        return values
 
     def mean(self, aim: Aim) -> float:
         """Mean over its seeds; NaN without any, or if one of them has no value: such a recipe does not count."""
@@ -107,13 +107,13 @@ class Trial:
         """
         if self.case is None:
             return 0
-        wanted = min(FIRST_SEEDS, aim.seeds)
-        while len(values := self.values(aim, wanted)) == wanted and wanted < aim.seeds:
+        requested = min(FIRST_SEEDS, aim.seeds)
+        while len(values := self.values(aim, requested)) == requested and requested < aim.seeds:
             if any(math.isnan(value) for value in values) or (best and is_worse(values, best.values(aim), aim)):
                 self.stopped = True
                 break
-            wanted = min(GROWTH * wanted, aim.seeds)
-        return wanted
+            requested = min(GROWTH * requested, aim.seeds)
+        return requested
 
 
 def is_worse(values: list[float], best: list[float], aim: Aim) -> bool:
@@ -121,18 +121,18 @@ def is_worse(values: list[float], best: list[float], aim: Aim) -> bool:
     n = min(len(values), len(best))
     if n < 2:
         return False
-    gain = np.array(values[:n]) - np.array(best[:n])
-    found = Statistic.of(gain if aim.largest else -gain)
-    return found.mean + half_interval(found.se, found.n, 2.0 * SURE - 1.0) < 0.0  # to one side
+    difference = np.array(values[:n]) - np.array(best[:n])
+    improvement = Statistic.of(difference if aim.largest else -difference)
+    return improvement.mean + half_interval(improvement.se, improvement.n, 2.0 * SURE - 1.0) < 0.0  # to one side
 
 
 class TrialWork:
     """The seeds that trials still need; all are held against the one that was best before them."""
 
     def __init__(
-        self, trials: list[Trial], aim: Aim, best: Trial | None, keep: Callable[[str, SeedValues], None]
+        self, trials: list[Trial], aim: Aim, best: Trial | None, record: Callable[[str, SeedValues], None]
     ) -> None:
-        self._trials, self._aim, self._best, self._keep = trials, aim, best, keep
+        self._trials, self._aim, self._best, self._record = trials, aim, best, record
 
     def next(self, seeds: int) -> tuple[Trial, Task] | None:
         for trial in self._trials:
@@ -148,10 +148,10 @@ class TrialWork:
         place.case.take(done)
         for seed in done:
             check_measure(self._aim.measure, seed.values, self._aim.argument)
-            self._keep(place.case.identity, seed)
+            self._record(place.case.identity, seed)
 
     @property
     def share_done(self) -> float:
         """Of the seeds that trials want by now [1]."""
-        wanted = sum(trial.judge(self._aim, self._best) for trial in self._trials)
-        return sum(min(len(trial.values(self._aim)), self._aim.seeds) for trial in self._trials) / max(1, wanted)
+        requested = sum(trial.judge(self._aim, self._best) for trial in self._trials)
+        return sum(min(len(trial.values(self._aim)), self._aim.seeds) for trial in self._trials) / max(1, requested)

@@ -17,7 +17,7 @@ from pathlib import Path
 from feeder_sim.errors import InputError, Unknown
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Bench
-from feeder_sim.jobs.task import Caution, SeedValues, Task, cautions_over
+from feeder_sim.jobs.task import RepeatedWarning, SeedValues, Task, warnings_over
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario
@@ -29,7 +29,7 @@ from feeder_sim.studies.uncertainty.spread import Draw
 
 # One scenario of a sweep: what its seeds have come to, and how many more the answer takes.
 
-FIRST_LOOK = 4  # seeds after which it is known whether anything happens at all
+FIRST_CHECK = 4  # seeds after which it is known whether anything happens at all
 FEWEST = 8  # values of which a standard error is believed: of two it is less than half the true one in 38 % of cases
 MOST_SEEDS = 1000  # of a case, where nobody says how many
 GROWTH = 2.0  # of the number of seeds from one look to the next, at most
@@ -93,46 +93,46 @@ class Case:
         """
         if effort.until_se is None:
             return effort.seeds * self.times
-        wanted = FIRST_LOOK
-        while all(seed in self.done for seed in self.seed_numbers(wanted)):
-            more = self._next_look(wanted, effort)
-            if more <= wanted:
+        requested = FIRST_CHECK
+        while all(seed in self.done for seed in self.seed_numbers(requested)):
+            more = self._next_check(requested, effort)
+            if more <= requested:
                 break
-            wanted = more
-        return wanted
+            requested = more
+        return requested
 
-    def _next_look(self, now: int, effort: Effort) -> int:
+    def _next_check(self, now: int, effort: Effort) -> int:
         """How many seeds should be there when so many are."""
         assert effort.until_se is not None
-        found = Statistic.of(self.values(effort.measure, now))
-        if _nothing_happens(found, now):
+        statistic = Statistic.of(self.values(effort.measure, now))
+        if _nothing_happens(statistic, now):
             return now
         if now < max(effort.seeds, FEWEST):
             return max(effort.seeds, FEWEST)
-        if self._is_sure(found, effort):
+        if self._is_sure(statistic, effort):
             return now
         most = int(min(GROWTH * now, effort.most_seeds))
-        aim = effort.until_se * abs(found.mean)
-        if found.n < FEWEST or aim == 0.0:
+        aim = effort.until_se * abs(statistic.mean)
+        if statistic.n < FEWEST or aim == 0.0:
             return most
-        return min(max(now + 1, math.ceil(now * min((found.se / aim) ** 2, GROWTH))), most)
+        return min(max(now + 1, math.ceil(now * min((statistic.se / aim) ** 2, GROWTH))), most)
 
-    def _is_sure(self, found: Statistic, effort: Effort) -> bool:
+    def _is_sure(self, statistic: Statistic, effort: Effort) -> bool:
         """Whether the standard error is as small as it should be, and of enough values to be believed."""
-        return found.n >= FEWEST and found.se <= (effort.until_se or 0.0) * abs(found.mean)
+        return statistic.n >= FEWEST and statistic.se <= (effort.until_se or 0.0) * abs(statistic.mean)
 
     def falls_short(self, effort: Effort) -> bool:
         """Whether it has all seeds that it may have, and still a larger standard error than it should."""
         if effort.until_se is None or not self.is_done(effort):
             return False
         count = self.wanted(effort)
-        found = Statistic.of(self.values(effort.measure, count))
-        return not _nothing_happens(found, count) and not self._is_sure(found, effort)
+        statistic = Statistic.of(self.values(effort.measure, count))
+        return not _nothing_happens(statistic, count) and not self._is_sure(statistic, effort)
 
     def hand_out(self, effort: Effort, most: int) -> tuple[int, ...]:
         """Up to so many seeds that are to be run next."""
-        wanted = self.seed_numbers(self.wanted(effort))
-        missing = [seed for seed in wanted if seed not in self.done and seed not in self._handed][:most]
+        requested = self.seed_numbers(self.wanted(effort))
+        missing = [seed for seed in requested if seed not in self.done and seed not in self._handed][:most]
         self._handed.update(missing)
         return tuple(missing)
 
@@ -161,9 +161,9 @@ class Case:
         return [self.done[s].values.get(measure, math.nan) for s in self.seed_numbers(count) if s in self.done]
 
 
-def _nothing_happens(found: Statistic, seeds: int) -> bool:
+def _nothing_happens(statistic: Statistic, seeds: int) -> bool:
     """Whether none of so many seeds has a value, or all have the same one."""
-    return not found.n or (found.n == seeds and found.sd == 0.0)
+    return not statistic.n or (statistic.n == seeds and statistic.sd == 0.0)
 
 
 @dataclass(frozen=True)
@@ -264,28 +264,28 @@ class Cases:
     @property
     def failures(self) -> list[str]:
         """Why seeds have failed, each reason once, with the first point where it is so."""
-        found: dict[str, str] = {}
+        reasons: dict[str, str] = {}
         for point, row in zip(self.points, self.cases, strict=True):
             values = labels(point).items()
             at = ", ".join(f"{key} = {v:.6g}" if isinstance(v, float) else f"{key} = {v}" for key, v in values)
             for failure in dict.fromkeys(s.failure for case in row for s in case.seeds(self.effort) if s.failure):
-                found.setdefault(failure, f"at {at}: {failure}" if at else failure)
-        return list(found.values())
+                reasons.setdefault(failure, f"at {at}: {failure}" if at else failure)
+        return list(reasons.values())
 
     @property
-    def cautions(self) -> list[Caution]:
+    def warnings(self) -> list[RepeatedWarning]:
         """Settings that are known to mislead, each once, with the number of points where it holds."""
-        return cautions_over([seed for case in row for seed in case.seeds(self.effort)] for row in self.cases)
+        return warnings_over([seed for case in row for seed in case.seeds(self.effort)] for row in self.cases)
 
 
 class SweepWork:
     """The seeds of all cases that are still to be run, handed out in order, or in turn."""
 
-    def __init__(self, cases: Cases, keep: Callable[[str, SeedValues], None]) -> None:
-        self._effort, self._keep, self._in_turn = cases.effort, keep, cases.in_turn
+    def __init__(self, cases: Cases, record: Callable[[str, SeedValues], None]) -> None:
+        self._effort, self._record, self._in_turn = cases.effort, record, cases.in_turn
         self._open = deque(cases)  # those that may have something to hand out
-        self._wanted = sum(case.wanted(self._effort) for case in cases)
-        self._done = sum(len(case.seeds(self._effort)) for case in cases)
+        self._requested = sum(case.wanted(self._effort) for case in cases)
+        self._completed = sum(len(case.seeds(self._effort)) for case in cases)
 
     def next(self, seeds: int) -> tuple[Case, Task] | None:
         while self._open:
@@ -300,17 +300,17 @@ class SweepWork:
     def take(self, place: Case, done: tuple[SeedValues, ...]) -> None:
         before = place.wanted(self._effort), len(place.seeds(self._effort))
         place.take(done)
-        self._wanted += place.wanted(self._effort) - before[0]
-        self._done += len(place.seeds(self._effort)) - before[1]
+        self._requested += place.wanted(self._effort) - before[0]
+        self._completed += len(place.seeds(self._effort)) - before[1]
         if place.wanted(self._effort) > before[0]:
             self._open.appendleft(place)
         for seed in done:
             check_measure(self._effort.measure, seed.values)
-            self._keep(place.identity, seed)
+            self._record(place.identity, seed)
 
     @property
     def share_done(self) -> float:
-        return self._done / max(1, self._wanted)
+        return self._completed / max(1, self._requested)
 
 
 def check_measure(name: str, values: Mapping[str, float], argument: str = "measure") -> None:
@@ -347,5 +347,5 @@ class CasesPlan:
     def run(self, bench: Bench) -> bool:
         return self.cases.run(bench)
 
-    def study(self, complete: bool, others: int) -> Study:
-        return self.answer(self.cases, complete, others)
+    def study(self, complete: bool, foreign_seeds: int) -> Study:
+        return self.answer(self.cases, complete, foreign_seeds)

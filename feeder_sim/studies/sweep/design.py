@@ -83,8 +83,8 @@ def _described(plate: Mapping[str, Any]) -> tuple[float, ...]:
     return _driven_at(modes_of_plate(checked.as_file(checked.highest_frequency_hz)))
 
 
-def _driven_at(held: ModeFile) -> tuple[float, ...]:
-    return tuple(oscillators(held).natural_frequency.tolist())
+def _driven_at(mode_file: ModeFile) -> tuple[float, ...]:
+    return tuple(oscillators(mode_file).natural_frequency.tolist())
 
 
 def _frequency(frequencies: tuple[float, ...], key: str, mode: Any) -> float:

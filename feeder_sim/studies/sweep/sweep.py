@@ -7,7 +7,7 @@ The folder holds
     journal.jsonl       measures of every seed that is done; of job arrays one per task, journal-I-of-N.jsonl
     sweep.csv           the table, see `feeder_sim.studies.sweep.table`
     sweep.parquet       the same
-    sweep.json          whether that is all of it, and cautions
+    sweep.json          whether that is all of it, and warnings
     sweep.png           a picture of one measure
 """
 
@@ -28,13 +28,13 @@ from feeder_sim.document.figure import Figure
 from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, NotAllowed, quoted
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO
-from feeder_sim.jobs.task import Caution
+from feeder_sim.jobs.task import RepeatedWarning
 from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic
 from feeder_sim.notebook import cell, counted
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, text_of, value_in
-from feeder_sim.studies.sweep.cases import FEWEST, FIRST_LOOK, MOST_SEEDS, Cases, CasesPlan, Effort, check_measure
+from feeder_sim.studies.sweep.cases import FEWEST, FIRST_CHECK, MOST_SEEDS, Cases, CasesPlan, Effort, check_measure
 from feeder_sim.studies.sweep.design import Axis, Point, grid, read_axis, side_by_side, sobol_sample
 from feeder_sim.studies.sweep.table import (
     COLUMNS,
@@ -123,7 +123,7 @@ class SweepQuestion(Question):
         draws = draws_of(scenario, self.inputs)
         cases = Cases.at(scenario, self.points(scenario), draws, self.effort(scenario), file=file)
         return CasesPlan(
-            cases, lambda cases, complete, others: Sweep.from_cases(self, scenario, cases, complete, others)
+            cases, lambda cases, complete, foreign: Sweep.from_cases(self, scenario, cases, complete, foreign)
         )
 
 
@@ -143,7 +143,7 @@ class Sweep(Study):
         kept: points that keep more seeds than were asked for, since they had been run before.
         others: seeds in the folder that do not count: of other points, of another version, of files that have changed.
         failures: why seeds have failed, each reason once, with the first point where it is so.
-        cautions: settings that are known to mislead, each once, with the number of points where it holds.
+        warnings: settings that are known to mislead, each once, with the number of points where it holds.
     """
 
     picture = PICTURE
@@ -158,14 +158,14 @@ class Sweep(Study):
     kept: int = 0
     others: int = 0
     failures: Sequence[str] = ()
-    cautions: Sequence[Caution] = ()
+    warnings: Sequence[RepeatedWarning] = ()
 
     @staticmethod
-    def from_cases(question: SweepQuestion, scenario: Scenario, cases: Cases, complete: bool, others: int) -> Sweep:
+    def from_cases(question: SweepQuestion, scenario: Scenario, cases: Cases, complete: bool, foreign: int) -> Sweep:
         """From the cases at all points."""
-        told = {name: getattr(cases, name) for name in ("missing", "short", "kept", "failures", "cautions")}
+        attributes = {name: getattr(cases, name) for name in ("missing", "short", "kept", "failures", "warnings")}
         of_points = cases.points, cases.uncertain, tuple(cases.rows)
-        return Sweep(question, scenario, *of_points, complete, others=others, **told)
+        return Sweep(question, scenario, *of_points, complete, others=foreign, **attributes)
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -197,18 +197,18 @@ class Sweep(Study):
 
     def at_every_point(self, measure: str) -> list[Row]:
         """A row for each point, also where it has no value of the measure, or has not begun."""
-        found = []
+        selected = []
         for point, rows in zip(self.points, self.by_point, strict=True):
             seeds, failed = (rows[0].seeds, rows[0].failed) if rows else (0, 0)
-            held = (row for row in rows if row.measure == measure)
-            found.append(next(held, empty_row(point, seeds, failed)))
-        return found
+            matches = (row for row in rows if row.measure == measure)
+            selected.append(next(matches, empty_row(point, seeds, failed)))
+        return selected
 
     @property
     def missing_at_points(self) -> list[int]:
         """Of each point of the table that has not all seeds asked for: how many are missing."""
-        asked = self.question.effort(self.scenario)
-        each = FIRST_LOOK if asked.until_se else asked.seeds
+        effort = self.question.effort(self.scenario)
+        each = FIRST_CHECK if effort.until_se else effort.seeds
         planned = each * (self.question.inputs if self.uncertain else 1)
         return [planned - rows[0].seeds for rows in self.by_point if rows and rows[0].seeds < planned]
 
@@ -252,18 +252,18 @@ class Sweep(Study):
         elif not self.complete and points == planned:
             yield Text("more seeds are to be run: the sweep has not ended", "note")
         if some := means_of_some(self.of(name)):
-            yield Text(f"{measure_label(name)}: {some}", "caution")
+            yield Text(f"{measure_label(name)}: {some}", "warning")
         if self.short:
             most = self.question.effort(self.scenario).most_seeds
             text = f"{self.short} {at} have as many seeds as --most-seeds allows, {most}"
-            yield Text(f"{text}, and not the standard error of --until-se", "caution")
+            yield Text(f"{text}, and not the standard error of --until-se", "warning")
         if self.kept:
             yield Text(f"{self.kept} points keep the seeds that they had, which are more than asked for now")
         if alone := sum(row.found.n == 1 for row in self.rows):
-            yield Text(f"{alone} values come from a single seed and have no interval", "caution")
+            yield Text(f"{alone} values come from a single seed and have no interval", "warning")
         if points > 1:
-            same = "all points have the same random starts, so that differences between them are surer"
-            yield Text(f"{same} than the intervals say", "note")
+            note = "all points have the same random starts, so that differences between them are surer"
+            yield Text(f"{note} than the intervals say", "note")
             yield Text(LARGEST_OF_MANY, "note")
 
     def _state(self) -> dict[str, Any]:
@@ -271,7 +271,7 @@ class Sweep(Study):
             "complete": self.complete,
             "missing_seeds": self.missing,
             "points_short_of_se": self.short,
-            "cautions": [caution.as_dict() for caution in self.cautions],
+            "warnings": [warning.as_dict() for warning in self.warnings],
         }
 
     def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
@@ -308,9 +308,9 @@ class Sweep(Study):
         by_point: dict[tuple[Any, ...], list[Row]] = {}
         for row in rows:
             by_point.setdefault(tuple(row.point.values()), []).append(row)
-        points = tuple(held[0].point for held in by_point.values())
-        found = Sweep(question, scenario, points, uncertain, tuple(by_point.values()), complete=True)
-        return _with_state(found, folder / STATE)
+        points = tuple(point_rows[0].point for point_rows in by_point.values())
+        sweep = Sweep(question, scenario, points, uncertain, tuple(by_point.values()), complete=True)
+        return _with_state(sweep, folder / STATE)
 
     def figures(self, measure: str) -> list[Figure]:
         from feeder_sim.plots.sweep import sweep_figure
@@ -333,17 +333,17 @@ class Sweep(Study):
         figures = self.figures(name)
         if not figures:
             raise InputError("has no value at any point, there is nothing to draw", key=name or "plot")
-        shown = pyplot.figure(figsize=(figures[0].width, figures[0].height), layout="constrained")
-        figures[0].draw(shown)
-        return shown.axes
+        figure = pyplot.figure(figsize=(figures[0].width, figures[0].height), layout="constrained")
+        figures[0].draw(figure)
+        return figure.axes
 
     def _line(self) -> str:
-        rest = "" if self.complete else ", not complete"
-        held = [counted(len(self.points), "point"), counted(len(self.measures), "measure")]
-        held += [counted(len(self.cautions), "caution")] if self.cautions else []
-        return f"Sweep over {' and '.join(self.keys)}: {', '.join(held)}{rest}"
+        suffix = "" if self.complete else ", not complete"
+        counts = [counted(len(self.points), "point"), counted(len(self.measures), "measure")]
+        counts += [counted(len(self.warnings), "warning")] if self.warnings else []
+        return f"Sweep over {' and '.join(self.keys)}: {', '.join(counts)}{suffix}"
 
-    def _shown(self) -> list[Record]:
+    def _notebook_rows(self) -> list[Record]:
         return [row.as_dict() for row in self.at_every_point(self.measure())]
 
 
@@ -353,9 +353,9 @@ def _with_state(sweep: Sweep, file: Path) -> Sweep:
         return sweep
     try:
         state = json.loads(text_of(file))
-        cautions = tuple(Caution.of_dict(entry) for entry in state["cautions"])
+        warnings = tuple(RepeatedWarning.of_dict(entry) for entry in state["warnings"])
         short, missing = int(state["points_short_of_se"]), int(state.get("missing_seeds", 0))
-        return replace(sweep, complete=bool(state["complete"]), short=short, missing=missing, cautions=cautions)
+        return replace(sweep, complete=bool(state["complete"]), short=short, missing=missing, warnings=warnings)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"holds no state of a sweep: {error}", file=file) from error
 
@@ -367,9 +367,9 @@ def _row(line: Line, keys: tuple[str, ...], draws: int) -> Row:
     if draws:
         low, high, of_inputs, of_seeds = (number_in(line[name]) for name in UNCERTAIN_COLUMNS)
         spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, min(draws, int(n)), int(n))
-    found = Statistic(mean, se * math.sqrt(n), se, int(n))
+    statistic = Statistic(mean, se * math.sqrt(n), se, int(n))
     point = {key: value_in(line[key]) for key in keys}
-    return Row(point, line["measure"] or "", found, int(seeds), int(failed), spread)
+    return Row(point, line["measure"] or "", statistic, int(seeds), int(failed), spread)
 
 
 def axis_texts(vary: Mapping[str, Any]) -> tuple[str, ...]:

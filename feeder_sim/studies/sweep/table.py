@@ -57,9 +57,9 @@ class Row:
 
     def as_dict(self) -> dict[str, Any]:
         """The row by column; None where there is no value."""
-        found = self.found.as_dict()
-        row = labels(self.point) | {"measure": self.measure, "mean": found["mean"], "se": found["se"]}
-        row |= {"n": found["n"], "seeds": self.seeds, "failed": self.failed}
+        statistic = self.found.as_dict()
+        row = labels(self.point) | {"measure": self.measure, "mean": statistic["mean"], "se": statistic["se"]}
+        row |= {"n": statistic["n"], "seeds": self.seeds, "failed": self.failed}
         return row | (self.spread.as_dict() if self.spread else {})
 
     @property
@@ -77,10 +77,10 @@ def rows_of(point: Point, draws: Sequence[Sequence[SeedValues]], *, uncertain: b
     for measure in measures:
         values = [[seed.values.get(measure, math.nan) for seed in draw] for draw in draws]
         spread = spread_of(values) if uncertain else None
-        found = Statistic.of(value for draw in values for value in draw)
+        statistic = Statistic.of(value for draw in values for value in draw)
         if spread is not None:  # seeds of the same inputs are not independent draws of them
-            found = Statistic(found.mean, found.sd, spread.se, found.n)
-        rows.append(Row(point, measure, found, len(seeds), failed, spread))
+            statistic = Statistic(statistic.mean, statistic.sd, spread.se, statistic.n)
+        rows.append(Row(point, measure, statistic, len(seeds), failed, spread))
     return rows or [empty_row(point, len(seeds), failed)] if failed else rows
 
 
@@ -120,9 +120,9 @@ def as_parquet(columns: Sequence[str], entries: Sequence[Mapping[str, Any]]) -> 
 
 def _column(values: list[Any], name: str) -> list[Any]:
     """Values of one type: whole numbers of counts, numbers, or else texts."""
-    given = [value for value in values if value is not None]
-    if name in ("n", "seeds", "failed") or all(isinstance(value, bool) for value in given):
+    entries = [value for value in values if value is not None]
+    if name in ("n", "seeds", "failed") or all(isinstance(value, bool) for value in entries):
         return values
-    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in given):
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in entries):
         return [None if value is None else float(value) for value in values]
     return [None if value is None else str(value) for value in values]

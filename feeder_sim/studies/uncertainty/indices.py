@@ -63,7 +63,7 @@ def sobol_indices(scenario: Scenario, values: Sequence[Sequence[float]]) -> list
     if not inputs > 0.0:
         return [Index(key, *(math.nan,) * 4) for key in keys]
     analyze = _salib("SALib.analyze.sobol").analyze
-    found = analyze(
+    estimates = analyze(
         _problem(scenario),
         means,
         calc_second_order=False,
@@ -74,10 +74,10 @@ def sobol_indices(scenario: Scenario, values: Sequence[Sequence[float]]) -> list
     return [
         Index(
             key,
-            float(scale * found["S1"][i]),
-            float(scale * found["S1_conf"][i]),
-            float(scale * found["ST"][i] - shift),
-            float(scale * found["ST_conf"][i]),
+            float(scale * estimates["S1"][i]),
+            float(scale * estimates["S1_conf"][i]),
+            float(scale * estimates["ST"][i] - shift),
+            float(scale * estimates["ST_conf"][i]),
         )
         for i, key in enumerate(keys)
     ]

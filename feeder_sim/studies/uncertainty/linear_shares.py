@@ -69,20 +69,20 @@ def linear_shares(
     if not scatters:
         return None  # nobody knows how far seeds scatter
     uncertain = scenario.uncertain or {}
-    held = np.array([len(row) > 0 for row in values])
-    columns = [_columns(u, [draw.get(key) for draw in draws])[held] for key, u in uncertain.items()]
+    has_values = np.array([len(row) > 0 for row in values])
+    columns = [_columns(u, [draw.get(key) for draw in draws])[has_values] for key, u in uncertain.items()]
     means, scatter = np.array([np.mean(row) for row in values if len(row)]), float(np.mean(scatters))
-    (found,) = _fits(columns, means, scatter, np.ones((1, len(means))))
-    if np.isnan(found).any():
+    (shares,) = _fits(columns, means, scatter, np.ones((1, len(means))))
+    if np.isnan(shares).any():
         return None
     rng, groups = np.random.default_rng(scenario.run.seed), len(draws) // group
     times = rng.multinomial(groups, np.full(groups, 1.0 / groups), RESAMPLES)
-    resampled = _fits(columns, means, scatter, np.repeat(times, group, axis=1)[:, held].astype(float))
-    told = resampled[np.isfinite(resampled).all(axis=1)]
-    missing = np.full(len(found), math.nan)
-    half = 0.5 * np.ptp(np.quantile(told, ENDS, axis=0), axis=0) if len(told) > RESAMPLES // 2 else missing
-    inputs = tuple(Share(key, float(found[i]), float(half[i])) for i, key in enumerate(uncertain))
-    return LinearShares(inputs, float(found[-1]), float(half[-1]))
+    resampled = _fits(columns, means, scatter, np.repeat(times, group, axis=1)[:, has_values].astype(float))
+    valid = resampled[np.isfinite(resampled).all(axis=1)]
+    missing = np.full(len(shares), math.nan)
+    half = 0.5 * np.ptp(np.quantile(valid, ENDS, axis=0), axis=0) if len(valid) > RESAMPLES // 2 else missing
+    inputs = tuple(Share(key, float(shares[i]), float(half[i])) for i, key in enumerate(uncertain))
+    return LinearShares(inputs, float(shares[-1]), float(half[-1]))
 
 
 def _fits(
@@ -106,25 +106,25 @@ def _fits(
         spread = (products - middle[:, :, None] * middle[:, None, :]) * (count / (count - 1.0))[:, None, None]
         of_inputs = spread[:, -1, -1] - scatter
         of_inputs[(freedom < LEAST_FREEDOM) | (of_inputs <= 0.0)] = math.nan
-        own, shared = spread[:, :-1, :-1], spread[:, :-1, -1]
-        inverse = np.linalg.pinv(np.nan_to_num(own), hermitian=True)
+        input_spread, shared = spread[:, :-1, :-1], spread[:, :-1, -1]
+        inverse = np.linalg.pinv(np.nan_to_num(input_spread), hermitian=True)
         slopes = np.einsum("rij,rj->ri", inverse, shared)
-        of_rest = (spread[:, -1, -1] - np.einsum("ri,ri->r", slopes, shared)) * (count - 1.0) / freedom
-        covariance = inverse * (of_rest / (count - 1.0))[:, None, None]
+        residual = (spread[:, -1, -1] - np.einsum("ri,ri->r", slopes, shared)) * (count - 1.0) / freedom
+        covariance = inverse * (residual / (count - 1.0))[:, None, None]
         shares, first = [], 0
         for column in columns:
             part = slice(first, first := first + column.shape[1])
-            explained = np.einsum("ri,rij,rj->r", slopes[:, part], own[:, part, part], slopes[:, part])
-            by_chance = np.einsum("rij,rji->r", covariance[:, part, part], own[:, part, part])
+            explained = np.einsum("ri,rij,rj->r", slopes[:, part], input_spread[:, part, part], slopes[:, part])
+            by_chance = np.einsum("rij,rji->r", covariance[:, part, part], input_spread[:, part, part])
             shares.append((explained - by_chance) / of_inputs)
-        return np.array([*shares, 1.0 - (of_rest - scatter) / of_inputs]).T
+        return np.array([*shares, 1.0 - (residual - scatter) / of_inputs]).T
 
 
 def _columns(uncertain: Uncertain, values: Sequence[object]) -> NDArray[np.float64]:
     """An input as columns of the fit: its values, their logarithms, or a column for each choice but the first."""
     if uncertain.choice is not None:
-        names, others = [_name(value) for value in values], [_name(choice) for choice in uncertain.choice[1:]]
-        return np.array([[name == other for other in others] for name in names], float)
+        names, choices = [_name(value) for value in values], [_name(choice) for choice in uncertain.choice[1:]]
+        return np.array([[name == choice for choice in choices] for name in names], float)
     numbers = np.array(values, float)[:, None]
     return np.log(numbers) if uncertain.log_uniform else numbers
 

@@ -49,7 +49,7 @@ def draw_at(scenario: Scenario, shares: Sequence[float] | NDArray[np.float64]) -
 
 
 INTERVAL = (0.05, 0.95)  # quantiles of the intervals: 90 %
-NOT_TOLD = "not told apart from the seeds"
+NOT_SEPARATED = "not told apart from the seeds"
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class Spread:
     @property
     def not_told(self) -> str:
         """Why there is no interval over the inputs, in words; "" where there is one, or too little to tell."""
-        return NOT_TOLD if self.sd_inputs == 0.0 and not self.is_told else ""
+        return NOT_SEPARATED if self.sd_inputs == 0.0 and not self.is_told else ""
 
     def as_dict(self) -> dict[str, float | None]:
         """The columns of a table; None where there is no value."""
@@ -117,12 +117,12 @@ def spread_of(values: Sequence[Sequence[float]]) -> Spread:
     freedom = int((sizes - 1).sum())
     of_seeds = within / freedom if freedom else math.nan
     of_means = float(np.var(means, ddof=1)) if len(means) > 1 else math.nan
-    left = of_means - of_seeds * float(np.mean(1.0 / sizes))
-    of_inputs = max(left, 0.0) if math.isfinite(left) else math.nan
+    remaining = of_means - of_seeds * float(np.mean(1.0 / sizes))
+    of_inputs = max(remaining, 0.0) if math.isfinite(remaining) else math.nan
     low, high = interval_of(everything)
     inputs_low = inputs_high = math.nan
-    constant = math.isfinite(left) and everything.min() == everything.max()
-    if left > 0.0 or constant:
+    constant = math.isfinite(remaining) and everything.min() == everything.max()
+    if remaining > 0.0 or constant:
         share = math.sqrt(of_inputs / of_means) if of_means > 0.0 else 0.0
         drawn = means.mean() + share * (means - means.mean())
         inputs_low, inputs_high = interval_of(drawn)

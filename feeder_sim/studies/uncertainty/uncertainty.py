@@ -29,7 +29,7 @@ from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, Unknown
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO
 from feeder_sim.jobs.ledger import read_journal
-from feeder_sim.jobs.task import Caution, SeedValues, cautions_over
+from feeder_sim.jobs.task import RepeatedWarning, SeedValues, warnings_over
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
@@ -141,9 +141,9 @@ class Uncertainty(Study):
         return [seed for _, seed in self.done if seed.failure]
 
     @property
-    def cautions(self) -> list[Caution]:
+    def warnings(self) -> list[RepeatedWarning]:
         """Settings that are known to mislead, each once, with the number of draws where it holds."""
-        return cautions_over(case.done.values() for case in self.cases)
+        return warnings_over(case.done.values() for case in self.cases)
 
     @cached_property
     def measures(self) -> tuple[str, ...]:
@@ -180,8 +180,8 @@ class Uncertainty(Study):
         """Sobol indices of a measure by every input; empty where they cannot be told."""
         if not (self.question.indices and self.complete):
             return []
-        found = sobol_indices(self.scenario, self.values(measure))
-        return [index for index in found if math.isfinite(index.total)]
+        indices = sobol_indices(self.scenario, self.values(measure))
+        return [index for index in indices if math.isfinite(index.total)]
 
     @cached_property
     def shares(self) -> list[dict[str, Any]]:
@@ -239,58 +239,58 @@ class Uncertainty(Study):
             values = [value for row in self.values(measure) for value in row]
             below = sum(value < measured for value in values)
             where = "within" if spread.low <= measured <= spread.high else "outside of"
-            told = f"{measured:.4g} is {where} the {spread.of_runs}; {below} of {len(values)} runs are below it"
-            lines.append(labelled("measured", told))
+            position = f"{measured:.4g} is {where} the {spread.of_runs}; {below} of {len(values)} runs are below it"
+            lines.append(labelled("measured", position))
         linear, indices = self.linear_shares(measure), self.indices(measure)
         return [*lines, *share_table("", linear, indices).lines()] if linear or indices else lines
 
     def remarks(self, measure: str | None = None) -> Iterator[Text]:
-        question, done = self.question, len(self.done)
+        question, completed = self.question, len(self.done)
         causes = Counter(seed.failure for seed in self.failed).most_common()
         if causes:
             listed = "; ".join(f"{cause} ({n})" if n > 1 else cause for cause, n in causes[:MOST_CAUSES])
             more = f"; and {len(causes) - MOST_CAUSES} more" if len(causes) > MOST_CAUSES else ""
-            yield Text(f"{len(self.failed)} of {done} runs failed: {listed}{more}", "failure")
+            yield Text(f"{len(self.failed)} of {completed} runs failed: {listed}{more}", "failure")
         yield from super().remarks(measure)
         if self.cases.kept:
-            yield Text("draws keep the seeds that they had, which are more than asked for now", "caution")
+            yield Text("draws keep the seeds that they had, which are more than asked for now", "warning")
         if question.measure and question.measure not in self.measures:
-            yield Text(f"no run has a value of {question.measure}, which was asked for", "caution")
+            yield Text(f"no run has a value of {question.measure}, which was asked for", "warning")
         if question.inputs * (2 if question.indices else 1) < FEW_DRAWS:  # that are independent of each other
             ends = "the ends of the 90 % intervals are little more than the smallest and the largest value"
-            yield Text(f"few draws: {ends}; --inputs asks for more", "caution")
+            yield Text(f"few draws: {ends}; --inputs asks for more", "warning")
         if question.seeds == 1:
-            yield Text("with one seed of each draw, inputs and seeds cannot be told apart", "caution")
-        if shown := measure or (question.measure if question.measure in self.measures else self.main()):
-            yield from self._remarks_of(shown)
-        said = "all intervals hold only if the inputs are as uncertain as said, and independent of each other"
-        yield Text(said, "note")
+            yield Text("with one seed of each draw, inputs and seeds cannot be told apart", "warning")
+        if selected := measure or (question.measure if question.measure in self.measures else self.main()):
+            yield from self._remarks_of(selected)
+        note = "all intervals hold only if the inputs are as uncertain as said, and independent of each other"
+        yield Text(note, "note")
 
     def _remarks_of(self, measure: str) -> Iterator[Text]:
         """What limits one measure."""
         label = measure_label(measure)
         spread, linear, question = self.spread(measure), self.linear_shares(measure), self.question
-        held, ended = sum(len(row) for row in self.values(measure)), len(self.done) - len(self.failed)
-        if held < ended:
+        n_values, ended = sum(len(row) for row in self.values(measure)), len(self.done) - len(self.failed)
+        if n_values < ended:
             why = "as where a part does not come so far in time; the intervals are those of the others"
-            yield Text(f"{label}: {ended - held} of {ended} runs have no value, {why}", "caution")
+            yield Text(f"{label}: {ended - n_values} of {ended} runs have no value, {why}", "warning")
         if spread.not_told:
             why = "the inputs hardly change it, or more seeds are needed to see it"
             yield Text(f"{label}: draws differ no more than seeds of the same draw do; {why}", "note")
         if linear and linear.explained + linear.explained_interval < MOSTLY:
             why = "does not go in a straight line with the inputs, or they act together: the shares are not all of it"
-            yield Text(f"{label} {why}{'' if question.indices else '; --indices asks for more'}", "caution")
+            yield Text(f"{label} {why}{'' if question.indices else '; --indices asks for more'}", "warning")
         if not question.indices:
             return
         if not self.complete:
             yield Text("Sobol indices can be told only when all draws are done", "note")
         elif not (indices := self.indices(measure)):
             why = "the inputs change it no more than the seeds do, or a draw has no value of it"
-            yield Text(f"{label} has no Sobol indices: {why}", "caution")
+            yield Text(f"{label} has no Sobol indices: {why}", "warning")
         elif (widest := max(half for i in indices for half in (i.first_interval, i.total_interval))) > WIDE:
             more = f"; {FEW_FOR_INDICES} or more --inputs make them narrower"
             wide = f"the intervals of the Sobol indices are wide, up to ± {widest:.2f}"
-            yield Text(f"{wide}{more if question.inputs < FEW_FOR_INDICES else ''}", "caution")
+            yield Text(f"{wide}{more if question.inputs < FEW_FOR_INDICES else ''}", "warning")
 
     def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
         rows = [labels(draw) | {"seed": seed.seed} | seed.values for draw, seed in self.done]
@@ -321,12 +321,12 @@ class Uncertainty(Study):
         causes = _causes(folder.glob(f"{JOURNAL}*.jsonl")) if empty else {}
         count = question.draws(scenario)
         draws: list[Draw] = [{} for _ in range(count)]
-        held = tuple(Case(scenario, "", number, count) for number in range(count))
+        draw_cases = tuple(Case(scenario, "", number, count) for number in range(count))
         for draw, seed in rows:
             failure = "" if seed.values else causes.get(seed.seed, NO_REASON)
             draws[seed.seed % count] = draw
-            held[seed.seed % count].take((SeedValues(seed.seed, seed.values, 0.0, failure),))
-        cases = Cases(({},), (held,), Effort(question.seeds, measure=question.measure or ""))
+            draw_cases[seed.seed % count].take((SeedValues(seed.seed, seed.values, 0.0, failure),))
+        cases = Cases(({},), (draw_cases,), Effort(question.seeds, measure=question.measure or ""))
         return Uncertainty(question, scenario, tuple(draws), cases, cases.all_done)
 
     def figures(self, measure: str) -> list[Figure]:
@@ -376,9 +376,9 @@ class Uncertainty(Study):
         return axes
 
     def _line(self) -> str:
-        rest = "" if self.complete else ", not complete"
+        suffix = "" if self.complete else ", not complete"
         inputs = counted(len(self.scenario.uncertain or {}), "uncertain input")
-        return f"Uncertainty by {inputs}: {counted(len(self.draws), 'draw')}{rest}"
+        return f"Uncertainty by {inputs}: {counted(len(self.draws), 'draw')}{suffix}"
 
 
 def _row(line: Line, keys: Sequence[str], measures: Sequence[str]) -> tuple[Draw, SeedValues]:
@@ -398,17 +398,17 @@ def _causes(journals: Iterable[Path]) -> dict[int, str]:
 def share_table(measure: str, linear: LinearShares | None, indices: Sequence[Index]) -> Table:
     """Of the variance of a measure over the inputs, what depends on each of them."""
 
-    def told(share: float, half: float) -> str:
+    def to_text(share: float, half: float) -> str:
         return f"{share:.2f} ± {half:.2f}"
 
     columns: dict[str, list[str]] = {"share of variance": [i.key for i in (linear.inputs if linear else indices)]}
     if linear:
-        columns["straight line"] = [told(i.share, i.interval) for i in linear.inputs]
+        columns["straight line"] = [to_text(i.share, i.interval) for i in linear.inputs]
     if indices:
-        columns["first order"] = [told(i.first, i.first_interval) for i in indices]
-        columns["total"] = [told(i.total, i.total_interval) for i in indices]
+        columns["first order"] = [to_text(i.first, i.first_interval) for i in indices]
+        columns["total"] = [to_text(i.total, i.total_interval) for i in indices]
     rows = list(zip(*columns.values(), strict=True))
     if linear:
-        explained = told(linear.explained, linear.explained_interval)
+        explained = to_text(linear.explained, linear.explained_interval)
         rows.append(("all of them", explained, *("" for _ in list(columns)[2:])))
     return Table(measure, tuple(columns), tuple(rows), numbers_from=1)

@@ -28,9 +28,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba.core import types
-from numba.extending import overload
-
 from feeder_sim.engines.impulse.circles import is_round
 from feeder_sim.engines.impulse.free_part.edge_cylinder import cylinder_on_line, under_cylinder
 from feeder_sim.engines.impulse.free_part.edge_hull import balls_on_piece, hull_edge_on_line, hull_on_line, under_plane
@@ -44,9 +41,9 @@ from feeder_sim.engines.impulse.free_part.edge_piece import (
     store,
     turned_back,
 )
-from feeder_sim.engines.impulse.state import CIRCLE, arm_of
+from feeder_sim.engines.impulse.state import arm_of
 from feeder_sim.engines.impulse.vectors import difference, plus
-from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.machine_code import compiled, inlined, is_none, overload
 from feeder_sim.part.rigid_part import CORNER_RADIUS
 
 INLINED: Any = {"forceinline": True}  # a call with all arrays takes 0.2 us, to see that no edge is near 2 ns
@@ -60,9 +57,9 @@ def edge_points(part, kind, kinds, surface, reach, points):
     raise NotImplementedError("for compiled code only")
 
 
-@overload(edge_points, jit_options=INLINED)
+@overload(edge_points, **INLINED)
 def _edge_points(part, kind, kinds, surface, reach, points):
-    if isinstance(surface.types[surface.fields.index("outline")], types.NoneType):
+    if is_none(surface.types[surface.fields.index("outline")]):
         return lambda part, kind, kinds, surface, reach, points: _near_rectangle(
             part, kind, kinds, surface, reach, points
         )
@@ -250,41 +247,23 @@ def _on_piece(part, kind, kinds, place, reach, lines, points, n):
     return n
 
 
+@inlined
 def _on_line(part, kind, kinds, piece, reach, points, n):
     """Points on a piece between its vertices.
 
     piece: unit vector (x, y) along it, its length, its first vertex [m].
     """
-    raise NotImplementedError("for compiled code only")
+    if is_round(kind):
+        return cylinder_on_line(part, kind, piece, reach, points, n)
+    return hull_on_line(part, kind, kinds, piece, reach, points, n)
 
 
+@inlined
 def _under_face(part, kind, kinds, vertex, cone):
     """Gap of a convex vertex under the part [m], infinite under no face; outward normal of that face; its radius [m].
 
     In body axes: vertex, from the centre of mass; cone: unit vectors along the edge from it to both sides, and up.
     """
-    raise NotImplementedError("for compiled code only")
-
-
-@overload(_on_line, jit_options=INLINED)
-def _on_line_by_kind(part, kind, kinds, piece, reach, points, n):
-    if CIRCLE not in kind.fields:
-        return lambda part, kind, kinds, piece, reach, points, n: hull_on_line(
-            part, kind, kinds, piece, reach, points, n
-        )
-    return lambda part, kind, kinds, piece, reach, points, n: (
-        cylinder_on_line(part, kind, piece, reach, points, n)
-        if kind.circle_radius > 0.0
-        else hull_on_line(part, kind, kinds, piece, reach, points, n)
-    )
-
-
-@overload(_under_face, jit_options=INLINED)
-def _under_face_by_kind(part, kind, kinds, vertex, cone):
-    if CIRCLE not in kind.fields:
-        return lambda part, kind, kinds, vertex, cone: under_plane(kinds, kinds.piece[part.kind], vertex, cone)
-    return lambda part, kind, kinds, vertex, cone: (
-        under_cylinder(kind, vertex, cone)
-        if kind.circle_radius > 0.0
-        else under_plane(kinds, kinds.piece[part.kind], vertex, cone)
-    )
+    if is_round(kind):
+        return under_cylinder(kind, vertex, cone)
+    return under_plane(kinds, kinds.piece[part.kind], vertex, cone)

@@ -16,6 +16,7 @@ from feeder_sim.engines.impulse.scratch import new_scratch
 from feeder_sim.engines.impulse.state import ABSENT
 from feeder_sim.engines.impulse.surroundings import WINDOW, Tube, read_walls
 from feeder_sim.engines.noise import new_streams
+from feeder_sim.machine_code import lasting
 from feeder_sim.records.seed import Counts, Events
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.scene import Scene
@@ -37,7 +38,7 @@ class FreePartEngine(PartsEngine):
     ) -> None:
         del threads  # one part needs one
         super().__init__(scene, rng, interrupt=interrupt)
-        self._scratch = new_scratch(self._kinds, scene.surface.n_shapes)
+        self._scratch = lasting(new_scratch(self._kinds, scene.surface.n_shapes))
         self._parts["draws"][:1] = new_streams(rng, 1)
         self._loads = np.zeros((len(self._scratch.point), 6))
         self._wall = read_walls(scene)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.borrow import borrow
 from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_flight import orthonormalise
 from feeder_sim.engines.impulse.free_part.notes import Notes
@@ -18,7 +17,7 @@ from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, PART, Kinds
 from feeder_sim.engines.impulse.surroundings import Plate, Rim, Tube
 from feeder_sim.engines.impulse.window import acting_terms, bound_window, next_change
 from feeder_sim.engines.protocol import ENDED, WHOLE
-from feeder_sim.machine_code import compiled, entry_point, uncounted
+from feeder_sim.machine_code import borrow, compiled, entry_point, uncounted
 
 ORIGIN, NUMBER, DUE, BEGIN = range(4)  # of the clock
 
@@ -49,7 +48,6 @@ def advance(free, drive, clock, frames):
 @compiled
 def advance_free_part(free, drive, clock, frames):
     """`advance` for compiled functions."""
-    free, frames = borrow(free), borrow(frames)
     part, surface = free.parts[0], drive.surface
     seen, frame = np.empty(1, PART), 0
     while True:

@@ -15,13 +15,10 @@ from __future__ import annotations
 
 import math
 
-from numba.extending import overload
-
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.free_part.on_plate import UP, move_corner, see_corner, seen_at
 from feeder_sim.engines.impulse.free_part.path import ahead, write_path
 from feeder_sim.engines.impulse.scratch import ABOVE, ON_CIRCLE, ON_PLATE
-from feeder_sim.engines.impulse.state import CIRCLE
 from feeder_sim.engines.impulse.surface import SLOPE_X, SLOPE_Y, SPEED
 from feeder_sim.engines.impulse.vectors import combine, cross, dot, plus, vector, write_to
 from feeder_sim.machine_code import inlined, uncounted
@@ -32,37 +29,12 @@ CLAPS = 2e4  # [rad/s]; where the lowest point runs around faster, the part clap
 NONE = (0.0, 0.0, 0.0)
 
 
+@uncounted
 def look_at_circles(part, kinds, plate, first, t, moved, turning, work):
     """Fill the lowest points of both circles, from `first` on; nothing for other kinds.
 
     Returns their end, whether one is close, and whether the surface has been moved to time t [s].
     """
-    raise NotImplementedError("for compiled code only")
-
-
-@overload(look_at_circles)
-def _look_by_kind(part, kinds, plate, first, t, moved, turning, work):
-    if CIRCLE not in kinds.types[kinds.fields.index("record")].dtype.fields:
-        return lambda part, kinds, plate, first, t, moved, turning, work: (first, False, moved)
-    return lambda part, kinds, plate, first, t, moved, turning, work: _look(
-        part, kinds, plate, first, t, moved, turning, work
-    )
-
-
-def move_on_circle(i, part, kind, turning, work):
-    """As `move_corner`, of the lowest point of a circle."""
-    raise NotImplementedError("for compiled code only")
-
-
-@overload(move_on_circle)
-def _move_by_kind(i, part, kind, turning, work):
-    if CIRCLE not in kind.fields:
-        return lambda i, part, kind, turning, work: None
-    return lambda i, part, kind, turning, work: _move(i, part, kind, turning, work)
-
-
-@uncounted
-def _look(part, kinds, plate, first, t, moved, turning, work):
     kind, n, close = kinds.record[part.kind], first, False
     for side in range(2 if kind.circle_radius > 0.0 else 0):
         end = (2.0 * side - 1.0) * kind.circle_height
@@ -81,30 +53,14 @@ def _look(part, kinds, plate, first, t, moved, turning, work):
         if point.sort == ON_PLATE:
             point.sort = ON_CIRCLE
         if point.gap < math.inf:
-            _move(n, part, kind, turning, work)
+            move_on_circle(n, part, kind, turning, work)
         n += 1
     return n, close, moved
 
 
 @inlined
-def _claps(part, spin):
-    """Whether the lowest point runs around its circle too fast to be followed."""
-    axis = part.attitude[0, 2], part.attitude[1, 2], part.attitude[2, 2]
-    along = cross(UP, axis)
-    return abs(dot(UP, cross(spin, along))) > CLAPS * dot(along, along)
-
-
-@inlined
-def _lowest(part, kind, end, normal):
-    """The way to the lowest point of the circle whose centre is at `end` along the axis [m]; length across the axis."""
-    axis = part.attitude[0, 2], part.attitude[1, 2], part.attitude[2, 2]
-    across = plus(normal, -dot(normal, axis), axis)
-    size = math.sqrt(dot(across, across))
-    return combine(end, axis, -kind.circle_radius / max(size, UPRIGHT), across, 0.0, axis), size
-
-
-@inlined
-def _move(i, part, kind, turning, work):
+def move_on_circle(i, part, kind, turning, work):
+    """As `move_corner`, of the lowest point of a circle."""
     point, fast = work.point[i], math.sqrt(dot(turning.spin, turning.spin))
     most = GROWS * point.rolls * fast * fast
     if point.sort == ABOVE:
@@ -125,6 +81,23 @@ def _move(i, part, kind, turning, work):
     swings = tips * fast / math.sqrt(size)
     point.unsure = GROWS * point.rolls * tips * (2.0 * turns + 3.0 * swings)
     point.wild = GROWS * point.rolls * (turns + swings) * (turns + swings)
+
+
+@inlined
+def _claps(part, spin):
+    """Whether the lowest point runs around its circle too fast to be followed."""
+    axis = part.attitude[0, 2], part.attitude[1, 2], part.attitude[2, 2]
+    along = cross(UP, axis)
+    return abs(dot(UP, cross(spin, along))) > CLAPS * dot(along, along)
+
+
+@inlined
+def _lowest(part, kind, end, normal):
+    """The way to the lowest point of the circle whose centre is at `end` along the axis [m]; length across the axis."""
+    axis = part.attitude[0, 2], part.attitude[1, 2], part.attitude[2, 2]
+    across = plus(normal, -dot(normal, axis), axis)
+    size = math.sqrt(dot(across, across))
+    return combine(end, axis, -kind.circle_radius / max(size, UPRIGHT), across, 0.0, axis), size
 
 
 @inlined

@@ -39,6 +39,7 @@ PAST = 1e-3  # [s] between looks at a part that falls past the plate
 STILL = 1e-6  # [m/s]; what is as slow on a plate that is calm, and does not slip, rests
 BALANCED = 1e-3  # of its weight, and of that times its reach
 SKIPPED = 8  # looks after one at which a part may not follow
+JUST = 1e-12  # [s] before
 LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
 
 
@@ -89,10 +90,16 @@ def _verify(free, plate, t, seen, spent):
     gap = lowest_gap(seen.n, work)
     if gap >= -allowed:
         return t, seen
-    if t == before.clock or next_switch(surface, before.clock, np.inf) <= t:
+    again = t == before.clock
+    jumped = next_switch(surface, before.clock - JUST if again else before.clock, np.inf) <= t
+    from_beside = seen.near_edge and gap < -max(allowed, CLOSE)
+    if jumped or (again and not from_beside):
         part.position[2] -= gap  # out of a surface that has jumped into it (`ring_up = false`), or that it starts in
         for i in range(seen.n):
             work.point[i].gap -= gap
+        return t, seen
+    if again:
+        part.beside = 1
         return t, seen
     if spent:
         work.counts[LATE] += 1

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 
-from numba.core import types
-from numba.extending import overload
-
 from feeder_sim.engines.impulse.free_part.on_rim import look_at_rim, move_at_rim, rim_point_after, time_to_rim
 from feeder_sim.engines.impulse.free_part.on_tube import look_at_tube, move_at_tube, tube_point_after
 from feeder_sim.engines.impulse.impact_law import ON_PLATE, restitution_at
 from feeder_sim.engines.impulse.scratch import ON_WALL
 from feeder_sim.engines.impulse.surroundings import Rim, Tube
 from feeder_sim.engines.impulse.vectors import vector
-from feeder_sim.machine_code import inlined
+from feeder_sim.machine_code import inlined, is_none, overload
 
 
 def look_at_walls(part, kinds, plate, first, turning, work):
@@ -54,7 +51,7 @@ def walled(plate):
 def _walls(plate):
     """None, or the class of the walls."""
     kind = plate.types[plate.fields.index("wall")]
-    return None if isinstance(kind, types.NoneType) else kind.instance_class
+    return None if is_none(kind) else kind.instance_class
 
 
 @overload(look_at_walls)

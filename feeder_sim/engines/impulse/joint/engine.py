@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log
-from feeder_sim.engines.impulse.crowd import find_neighbours, share_out
+from feeder_sim.engines.impulse.crowd import find_neighbours
 from feeder_sim.engines.impulse.engine import WIDER, ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
 from feeder_sim.engines.impulse.free_part.notes import Notes
@@ -21,6 +21,7 @@ from feeder_sim.engines.impulse.state import Kinds, copied
 from feeder_sim.engines.impulse.surroundings import WINDOW, Plate, read_walls
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.protocol import ENDED, new_interrupt
+from feeder_sim.machine_code import lasting
 from feeder_sim.records.seed import Counts
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose
@@ -63,13 +64,15 @@ class JointEngine(ImpulseEngine):
         n_shapes = scene.surface.n_shapes
         notes = Notes(new_log(1), np.zeros(2), 0.0)
         self._joint_tools = [
-            Tools(
-                of.hulls,
-                of.work,
-                of.meeting,
-                new_together(self._kinds, self._n, n_shapes),
-                notes,
-                self._parts[:1].copy(),
+            lasting(
+                Tools(
+                    of.hulls,
+                    of.work,
+                    of.meeting,
+                    new_together(self._kinds, self._n, n_shapes),
+                    notes,
+                    self._parts[:1].copy(),
+                )
             )
             for of in self._tools
         ]
@@ -86,7 +89,8 @@ class JointEngine(ImpulseEngine):
         if begins:
             self._plate_span[:] = start, start + WINDOW
             # Bounds outlast the window: nothing is due at its very end.
-            self._terms, self._bounds = open_plate(self._drive(WINDOW), start, start + WINDOW + 1e-5)
+            terms, bounds = open_plate(self._drive(WINDOW), start, start + WINDOW + 1e-5)
+            self._terms, self._bounds = lasting(terms), lasting(bounds)
         anew = start == self._plate_span[0]
         plate = Plate(self._terms, self._bounds, self._wall)
         reach = open_parts(parts, self._n, self._kinds, self._bounds, start, end - start, anew)
@@ -111,7 +115,7 @@ class JointEngine(ImpulseEngine):
         self._parts, self._pairs, self._loads = parts, pairs, loads
 
     def _advance_joint(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
-        owner = share_out(crowd.islands, self._threads)
+        owner = self._owner_of(crowd.islands)
         if self._pool is None:
             return bool(advance_together(Share(owner, 0), crowd, plate, self._joint_tools[0], span, frames))
         tasks = [

@@ -36,7 +36,7 @@ from feeder_sim.engines.impulse.free_part.sustained import (
     until_dip,
 )
 from feeder_sim.engines.impulse.joint.pair_after import gather_pair_after
-from feeder_sim.engines.impulse.pairs.separating_axis import CLOSEST
+from feeder_sim.engines.impulse.pairs.separating_axis import BALL, CENTRES, CLOSEST
 from feeder_sim.engines.impulse.scratch import UNRESOLVED, of_member
 from feeder_sim.engines.impulse.state import ASLEEP, FREE, PRESSED, spin_of
 from feeder_sim.engines.impulse.surface import move_surface
@@ -48,6 +48,7 @@ DEEP, PARTED, OUT = 1e-6, 0.3, 1e-3  # [m] that pairs may be in each other, shar
 SOON = 1e-4  # [s] after which a part that forces have let go is looked at again
 # [m], [m/s] by which parts may turn into each other while forces last; [s] that these do at least.
 COMES_IN, APPROACHES, LEAST = 5e-7, 2e-4, 1e-6
+ARC = 4e-9  # [m] from the chord that points take under forces to the arc of a pair that turns, which moves their energy
 
 
 @uncounted
@@ -68,8 +69,8 @@ def press_together(n, m, t, crowd, plate, together):
                 some, lift = True, max(lift, rises)
         shortest = max(shortest, shortest_leap(part, bounds, now.turning))
     for x in range(m):
-        pair, known = crowd.pairs[crowd.islands.pair[together.pair[x]]], together.origin[x] != CLOSEST
-        usual = min(usual, _time_of_pair(pair, known, crowd))
+        pair = crowd.pairs[crowd.islands.pair[together.pair[x]]]
+        usual = min(usual, _time_of_pair(pair, together.origin[x], crowd))
     time = max(min(usual, lift, until - t), shortest)
     if some:
         for k in range(n):
@@ -109,17 +110,24 @@ def press_together(n, m, t, crowd, plate, together):
 
 
 @inlined
-def _time_of_pair(pair, known, crowd):
+def _time_of_pair(pair, origin, crowd):
     """How long forces of a pair last [s]: until then no other point of both comes far into the other part.
 
-    And unless it is known how their normal turns, what that lets them approach by is less than they are parted by.
+    Nor does the arc on which their contact turns leave its chord, and unless it is known how their normal turns, what
+    that lets them approach by is less than they are parted by.
     """
     a, b = crowd.parts[pair.a], crowd.parts[pair.b]
     kind_a, kind_b = crowd.kinds.record[a.kind], crowd.kinds.record[b.kind]
     turns = difference(spin_of(a, kind_a), spin_of(b, kind_b))
     squared, size = dot(turns, turns), min(kind_a.reach + kind_a.radius, kind_b.reach + kind_b.radius)
-    speed, bends = min(kind_a.reach, kind_b.reach) * math.sqrt(squared), 0.0 if known else 0.5 * size * squared
-    return max(min(COMES_IN / max(speed, COMES_IN), APPROACHES / max(bends, APPROACHES)), LEAST)
+    speed, bends = min(kind_a.reach, kind_b.reach) * math.sqrt(squared), size * squared
+    if origin in (BALL, CENTRES):
+        along = difference(b.velocity, a.velocity)
+        bends = max(bends, dot(along, along) / (kind_a.radius + kind_b.radius))
+    time = min(COMES_IN / max(speed, COMES_IN), math.sqrt(ARC / max(0.125 * bends, ARC)))
+    if origin == CLOSEST:
+        time = min(time, APPROACHES / max(0.5 * bends, APPROACHES))
+    return max(time, LEAST)
 
 
 @inlined

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from feeder_sim.borrow import borrow
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.crowd import reach_of
 from feeder_sim.engines.impulse.frame_rows import write_state
@@ -21,10 +20,9 @@ from feeder_sim.engines.impulse.joint.pair_bound import pair_bound, release
 from feeder_sim.engines.impulse.pairs.collision import meet, slowest_parting
 from feeder_sim.engines.impulse.rest import wake
 from feeder_sim.engines.impulse.state import ALONE, ASLEEP, AWAKE, FREE, orthonormalise_parts
-from feeder_sim.engines.impulse.surroundings import Plate
 from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED
-from feeder_sim.machine_code import compiled, entry_point, inlined, uncounted
+from feeder_sim.machine_code import borrow, compiled, entry_point, inlined, uncounted
 
 CATCH_UP = 1000  # looks at a part that has gone back in time, until it is where the others are
 SOON = 5e-5  # [s]; parts that hit each other again so soon do so between others
@@ -57,8 +55,7 @@ def open_parts(parts, n, kinds, bounds, start, duration, anew):
 @entry_point
 def advance_together(share, crowd, plate, tools, span, frames):
     """As `advance_islands`."""
-    owner, crowd, tools, frames = share.owner, borrow(crowd), borrow(tools), borrow(frames)
-    plate = Plate(borrow(plate.surface), borrow(plate.bounds), plate.wall)
+    owner = share.owner
     left = False
     for island in range(owner.shape[0]):
         if owner[island] == share.thread:

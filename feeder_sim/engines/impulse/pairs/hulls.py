@@ -6,20 +6,16 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from feeder_sim.engines.mujoco_library import load_mujoco_symbols
-from feeder_sim.machine_code import compiled
+from feeder_sim.machine_code import compiled, external
 
 TOLERANCE = 1e-9  # [m], of the distance
 ITERATIONS = 100
 
 load_mujoco_symbols()
-_geom_distance = types.ExternalFunction(
-    "mj_geomDistance",
-    types.float64(types.voidptr, types.voidptr, types.int32, types.int32, types.float64, types.voidptr),
-)
+_geom_distance = external("mj_geomDistance", "float64", "voidptr", "voidptr", "int32", "int32", "float64", "voidptr")
 
 
 class Hulls(NamedTuple):

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.borrow import borrow
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.crowd import reach_of
 from feeder_sim.engines.impulse.flight_time import shortest_flight
@@ -37,7 +36,7 @@ from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, fly_to, orthonormal
 from feeder_sim.engines.impulse.surroundings import Bounds
 from feeder_sim.engines.impulse.window import SAG, Drive, acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED
-from feeder_sim.machine_code import compiled, entry_point
+from feeder_sim.machine_code import borrow, compiled, entry_point
 
 MARGIN = 0.05  # of crest and acceleration; in a step of 1/40 period the surface itself moves by three times that
 LEAST_MARGIN = 2e-8  # [m]
@@ -105,10 +104,7 @@ def _has_changed(changed, margin):
 @entry_point
 def advance_reacting(crowd, plate, tools, span, frames, limits):
     """Advance all parts to the end of a window, and write their frames; as `advance_islands`."""
-    lent, plate, tools, frames = borrow(crowd), borrow(plate), borrow(tools), borrow(frames)
-    limits = borrow(limits)
-    left = _advance(lent, plate.surface, plate.bounds, tools, span, frames, limits)
-    return left and crowd.parts.shape[0] > 0  # what was borrowed lives until here
+    return _advance(crowd, plate.surface, plate.bounds, tools, span, frames, limits)
 
 
 @compiled

@@ -17,6 +17,7 @@ from feeder_sim.engines.impulse.reaction.crowd import Limits, advance_reacting, 
 from feeder_sim.engines.impulse.surroundings import Bounds, Plate
 from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
+from feeder_sim.machine_code import lasting
 from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.scene import Scene
 
@@ -47,7 +48,7 @@ class ReactingEngine(ImpulseEngine):
         modes = free_modes(scene.driven)
         self._rate = modes.rate
         self._work[0].contacts.modes.inverse_mass[:] = 1.0 / modes.modal_mass
-        self._surface = with_reaction(self._surface, self._rate)
+        self._surface = lasting(with_reaction(self._surface, self._rate))
         self._limits = self._limits_of(scene)
         self._reaction = self._reaction_opened = reaction_of(self._surface)
         self._books_opened = self._work[0].yielding.books.copy()
@@ -81,5 +82,5 @@ class ReactingEngine(ImpulseEngine):
 
     def redrive(self, scene: Scene) -> None:
         super().redrive(scene)
-        self._surface = with_reaction(surface_arrays(scene.surface, scene.scenario.run), self._rate)
+        self._surface = lasting(with_reaction(surface_arrays(scene.surface, scene.scenario.run), self._rate))
         self._limits = self._limits_of(scene)

@@ -1,10 +1,9 @@
-"""Compiled functions, and where their machine code is kept between runs.
+"""Compilation by numba, and where its machine code is kept between runs.
 
 Numba's own cache looks only at the file of a function itself, so that it runs old code after a change in a function or
-a constant that this one uses from another file. Here machine code lies in a folder named after everything that it
-depends on: all sources of the package but those of rooms that no compiled function takes anything from, the versions of
-the libraries that compile it or are called by it, and the processor. A change of any of them is another folder. The
-folders are in the user's folder for caches, or where NUMBA_CACHE_DIR says; the few used last are kept.
+a constant that this one uses from another file. Here the name of a file of machine code holds the key of its function,
+and its folder that of the libraries that compile it or are called by it, and of the processor. The folders are in the
+user's folder for caches, or where NUMBA_CACHE_DIR says; the few used last are kept.
 """
 
 from __future__ import annotations
@@ -15,42 +14,41 @@ import gc
 import hashlib
 import importlib.metadata
 import itertools
+import math
 import os
 import pickle
 import platform
-import re
 import shutil
+from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, cast
 
 import llvmlite.binding
 import numba
+import numba.extending
+import numpy as np
 from filelock import FileLock
-from numba.core import targetconfig, types
+from numba import carray  # type: ignore[attr-defined]
+from numba.core import cgutils, targetconfig, types
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
-from platformdirs import user_cache_path
+from numba.core.runtime.nrt import MemInfo
+from numba.core.typing.typeof import typeof_impl
+from numba.np.numpy_support import as_dtype, from_dtype
 
-SHOWING = ("api", "app", "cli", "document", "plots", "replay", "report")  # rooms that decide no number
-NOT_COMPILED = (*SHOWING, "feeder", "jobs", "measures", "studies")  # from which no compiled function takes anything
-# Lines of words alone: a text that is a statement by itself, a comment, nothing; and other long texts, which are kept.
-TEXT = rb'"""(?:[^"\\]|\\.|"(?!""))*"""'
-WORDS = re.compile(rb"^[ \t]*(?:r?" + TEXT + rb"[ \t]*|#[^\n]*)?\n|(" + TEXT + rb")", re.MULTILINE | re.DOTALL)
-FOLDERS_KEPT = 4  # of other states of sources, libraries and processor: two checkouts, an upgrade and a way back
+from feeder_sim.machine_code.flat import Kind, Result, Source, kind_of, variant_name
+from feeder_sim.machine_code.functions import COMPILED, INNER, OPTIONS, OVERLOADS, External, Inner, borrow
+from feeder_sim.machine_code.key import LENGTH, base_folder, key_of
+
+FOLDERS_KEPT = 4  # of other libraries and processors
+STATES_KEPT = 4  # of the machine code of a function: two checkouts, a change and a way back
 LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco")
-KEY_LENGTH = 24
-PARTS = (
-    "parts"  # folder of inner functions whose entry point is not compiled yet, so that a killed process loses little
-)
-OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # nothing calls them from C
-# Of inner functions. That they are not copied has to be said: numba compiles a function when it comes to a call of it,
-# and then takes over from the caller that it is to be copied. All engines became one function in this way.
-INNER = OPTIONS | {"no_cpython_wrapper": True, "forceinline": False}
-
+# Folder of inner functions whose entry point is not compiled yet, so that a killed process loses little.
+PARTS = "parts"
 # Parts of numba's inside that an ingredient replaces; without them inner functions are compiled as any other.
 INGREDIENTS = all(
     hasattr(JITCodeLibrary, name)
@@ -66,16 +64,149 @@ if TOLD_APART:
 KEPT_IN_PARTS = INGREDIENTS and TOLD_APART
 # What reading a damaged file of the cache ends in, or one that names a type of a script that is not here.
 DAMAGED = (AttributeError, EOFError, ImportError, ValueError, pickle.UnpicklingError)
-COMPILED = [0]  # inner functions in this process, also those that a killed one has left, for who waits for it
+TWO_ARRAYS = (types.int64[::1], types.float64[::1])
 _njit: Any = numba.njit  # whose stubs do not know all options
-F = TypeVar("F", bound=Callable[..., Any])
+_intrinsic: Any = numba.extending.intrinsic  # whose stubs take the first argument for the caller's
 
 
-def entry_point(function: F) -> F:
-    """Compile a function that Python calls, with all that it calls, and keep its machine code between runs.
+class Variant(NamedTuple):
+    """An entry point with arguments of certain types, of which the text is that of `flat`."""
 
-    It runs without Python's lock, and divides by zero as IEEE arithmetic does.
+    entry: Any
+    text: str
+    arguments: tuple[Kind, ...]
+
+    @property
+    def name(self) -> str:
+        return variant_name(self.entry, self.text)
+
+
+def variant(entry: Any, arguments: tuple[Any, ...], text: str) -> tuple[Callable[[Any, Any], Any], Result]:
+    """Compile an entry point for arguments of such types, or load it: a function of two arrays, and what it returns."""
+    dispatcher, kind = made(Variant(entry, text, tuple(map(kind_of, arguments))))
+    return functools.partial(_call, dispatcher), Result(kind, MemInfo)
+
+
+def _call(dispatcher: Any, integers: array[int], floats: array[float]) -> None:
+    dispatcher(np.asarray(integers), np.asarray(floats))
+
+
+def made(variant: Variant) -> tuple[Any, Kind]:
+    """Numba's dispatcher of the function of two arrays, compiled, and the kind of what it returns."""
+    inner_function = Inner(variant.entry, INNER)
+    kind = _returned(variant, inner_function)
+    source = Source({"carray": carray, "pointer": pointer, "owner": owner_of, "inner": inner_function})
+    call = f"inner({', '.join(map(source.argument, variant.arguments))})"
+    lines = [f"result = {call}", *source.stored(kind, "result")]
+    code = f"def {variant.name}(integers, floats):\n" + "".join(f"    {line}\n" for line in lines)
+    exec(compile(code, variant.entry.__code__.co_filename, "exec"), source.scope)
+    function = source.scope[variant.name]
+    function.__module__, function.stands_for = variant.entry.__module__, variant.entry
+    dispatcher = callable_from_python(function)
+    dispatcher.compile(TWO_ARRAYS)
+    return dispatcher, kind
+
+
+def _returned(variant: Variant, inner_function: Inner) -> Kind:
+    """What an entry point returns, by the types of its arguments.
+
+    It is kept beside the machine code, since it takes all of its compilation to say; with it what the variant is, for
+    who builds a library of all that were needed.
     """
+    entry = variant.entry
+    file = f"{Path(entry.__code__.co_filename).stem}.{variant.name}-{entry.__module__}-{key_of(entry)}.variant"
+    place = code_folder() / file
+    with contextlib.suppress(OSError, *DAMAGED):
+        kept = pickle.loads(place.read_bytes())
+        if isinstance(kept[-1], Kind):
+            return kept[-1]
+    register_overloads()
+    signature = tuple(map(type_of, variant.arguments))
+    dispatcher_of(inner_function).compile(signature)
+    kind = _kind_of(dispatcher_of(inner_function).overloads[signature].signature.return_type)
+    with contextlib.suppress(OSError, AttributeError, pickle.PicklingError):  # of a class within a function
+        partial = place.with_name(f"{place.name}.{os.getpid()}")
+        partial.write_bytes(pickle.dumps((variant.text, variant.arguments, kind)))
+        partial.replace(place)
+    return kind
+
+
+def type_of(kind: Kind) -> Any:
+    """Numba's type of a kind, as compiled code puts it together."""
+    if kind.of == "array":
+        return types.Array(from_dtype(kind.type), kind.ndim, "C")
+    if kind.of == "tuple":
+        return types.BaseTuple.from_types([type_of(inner) for inner in kind.inner], kind.type)
+    return {"bool": types.boolean, "integer": types.int64, "float": types.float64, "none": types.none}[kind.of]
+
+
+def _kind_of(kind: Any) -> Kind:
+    if isinstance(kind, types.Array):
+        return Kind("array", as_dtype(kind.dtype), kind.ndim)
+    if isinstance(kind, types.BaseTuple):
+        inner_kinds: Any = kind  # whose stubs know no elements
+        return Kind("tuple", getattr(kind, "instance_class", None), inner=tuple(map(_kind_of, inner_kinds)))
+    for of, numbers in (("bool", types.Boolean), ("integer", types.Integer), ("float", types.Float)):
+        if isinstance(kind, numbers):
+            return Kind(of)
+    if isinstance(kind, types.NoneType):
+        return Kind("none")
+    raise TypeError(f"an entry point cannot return {kind}")
+
+
+@_intrinsic
+def pointer(typingctx, address):
+    """An address as what `carray` takes."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(types.int64), generate
+
+
+@_intrinsic
+def owner_of(typingctx, array):
+    """Address of the record of who owns an array, which then lives on until it is released; 0 of one from outside."""
+
+    def generate(context, builder, signature, arguments):
+        context.nrt.incref(builder, array, arguments[0])
+        record = context.make_array(array)(context, builder, arguments[0]).meminfo
+        return builder.ptrtoint(record, context.get_value_type(types.int64))
+
+    return types.int64(array), generate
+
+
+@numba.extending.overload(borrow)
+def _borrowed(value):
+    return lambda value: lend(value)
+
+
+@_intrinsic
+def lend(typingctx, value):
+    """See `borrow`."""
+
+    def generate(context, builder, signature, arguments):
+        return _without_owners(context, builder, value, arguments[0])
+
+    return value(value), generate
+
+
+def _without_owners(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        for owner in ("meminfo", "parent"):
+            setattr(array, owner, cgutils.get_null_value(getattr(array, owner).type))
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple):
+        kinds: Any = kind  # whose stubs know no elements
+        elements = zip(kinds, cgutils.unpack_tuple(builder, value, len(kinds)), strict=True)
+        return context.make_tuple(builder, kind, [_without_owners(context, builder, *element) for element in elements])
+    return value
+
+
+def callable_from_python(function: Callable[..., Any]) -> Any:
+    """Numba's dispatcher of a function and of all that it calls; its machine code is kept between runs."""
+    register_overloads()
     dispatcher = _njit(**OPTIONS)(function)
     dispatcher.__class__ = _EntryPoint
     if TOLD_APART:
@@ -83,26 +214,36 @@ def entry_point(function: F) -> F:
     return dispatcher
 
 
-def compiled(function: F) -> F:
-    """Compile a function that only compiled functions call.
-
-    Its machine code is part of theirs. That it has none of its own, and no way in from Python, saves a third of the
-    time that compilation takes; `entry_point(function.py_func)` can be called from Python.
-    """
-    return _inner(_njit(**INNER)(function))
-
-
-def uncounted(function: F) -> F:
-    """As `compiled`, without counting references to arrays, which costs the inner loops more than their arithmetic.
-
-    Neither it nor what it calls may make an array; its caller holds those that it is given.
-    """
-    return _inner(_njit(**INNER | {"_nrt": False})(function))
+@functools.cache
+def dispatcher_of(function: Inner) -> Any:
+    """Numba's dispatcher of a function that only compiled functions call."""
+    register_overloads()
+    dispatcher = _njit(**function.options)(function.py_func)
+    dispatcher.__class__ = _Inner
+    return dispatcher
 
 
-def inlined(function: F) -> F:
-    """As `uncounted`, and copied into every function that calls it: for what the inner loops call most."""
-    return _inner(_njit(**INNER | {"_nrt": False, "forceinline": True})(function))
+@typeof_impl.register(Inner)
+def _type_of_inner(function: Inner, _: Any) -> Any:
+    return dispatcher_of(function)._numba_type_
+
+
+@typeof_impl.register(External)
+def _type_of_external(function: External, _: Any) -> Any:
+    returned, *arguments = (getattr(types, kind) for kind in function.kinds)
+    return types.ExternalFunction(function.name, returned(*arguments))
+
+
+_registered: set[Any] = set()
+
+
+def register_overloads() -> None:
+    """Tell numba of the overloads that have been noted since."""
+    for function, choosers in list(OVERLOADS.items()):
+        for chooser, options in choosers:
+            if chooser not in _registered:
+                _registered.add(chooser)
+                numba.extending.overload(function, jit_options=cast(Any, options))(chooser)
 
 
 class _EntryPoint(CPUDispatcher):
@@ -136,11 +277,6 @@ class _Inner(CPUDispatcher):
             made = super().compile(sig)
         COMPILED[0] += 1
         return made
-
-    def __call__(self, *_: Any) -> Any:
-        raise TypeError(
-            f"{self.py_func.__name__} is for compiled functions only; entry_point(function.py_func) can be called"
-        )
 
 
 class _Whole(JITCodeLibrary):
@@ -248,17 +384,6 @@ def _remembered(function: Any, context: Any, args: Any, keywords: Any) -> Any:
     return signature
 
 
-def _inner(dispatcher: Any) -> Any:
-    dispatcher.__class__ = _Inner
-    return dispatcher
-
-
-def base_folder() -> Path:
-    """Where machine code lies, and what is known of its sources: the user's folder for caches, or NUMBA_CACHE_DIR."""
-    chosen = getattr(numba.config, "CACHE_DIR", "")
-    return Path(chosen) if chosen else user_cache_path("feeder_sim")
-
-
 @functools.cache
 def code_folder() -> Path:
     """The folder of the machine code of these sources, libraries and this processor; others are removed here."""
@@ -270,48 +395,16 @@ def code_folder() -> Path:
     return folder
 
 
-def code_key(package: Path = Path(__file__).parent) -> str:
-    """Hash of all that machine code depends on."""
-    key = hashlib.sha256(source_hash(package).encode())
+def code_key() -> str:
+    """Hash of what machine code depends on besides its functions: libraries, processor, version of Python."""
     versions = {name: _version(name) for name in LIBRARIES}
     processor = (llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten())
-    key.update(repr((versions, processor, platform.python_version())).encode())
-    return key.hexdigest()[:KEY_LENGTH]
-
-
-@functools.cache
-def source_hash(
-    package: Path = Path(__file__).parent, pattern: str = "**/*.py", without: tuple[str, ...] = NOT_COMPILED
-) -> str:
-    """Hash of all sources of a package that decide numbers, or of those of a pattern in a folder.
-
-    Rooms that only show them do not count, nor do docstrings, lines of comments and empty ones. It is kept beside the
-    machine code for as long as no file has another time or size: to make it takes as long as to load the machine code.
-    """
-    files = [file for file in sorted(package.glob(pattern)) if file.relative_to(package).parts[0] not in without]
-    seen = hashlib.sha256(repr([(str(file), (at := file.stat()).st_mtime_ns, at.st_size) for file in files]).encode())
-    place = hashlib.sha256(repr((str(package), pattern, without)).encode()).hexdigest()[:KEY_LENGTH]
-    kept = base_folder() / "sources" / place
-    with contextlib.suppress(OSError, ValueError):
-        then, found = kept.read_text(encoding="ascii").split()
-        if then == seen.hexdigest():
-            return found
-    sources = hashlib.sha256()
-    for file in files:
-        code = WORDS.sub(lambda found: found[1] or b"", file.read_bytes())
-        sources.update(file.relative_to(package).as_posix().encode() + b"\0" + code + b"\0")
-    found = sources.hexdigest()[:12]
-    with contextlib.suppress(OSError):
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        partial = kept.with_name(f"{place}.{os.getpid()}")
-        partial.write_text(f"{seen.hexdigest()} {found}", encoding="ascii")
-        partial.replace(kept)
-    return found
+    return hashlib.sha256(repr((versions, processor, platform.python_version())).encode()).hexdigest()[:LENGTH]
 
 
 def remove_old_folders(base: Path) -> None:
     """Remove machine code of other states than those used last."""
-    folders = [path for path in base.iterdir() if len(path.name) == KEY_LENGTH and path.is_dir()]
+    folders = [path for path in base.iterdir() if len(path.name) == LENGTH and path.is_dir()]
     folders.sort(key=lambda path: path.stat().st_mtime, reverse=True)
     for path in folders[FOLDERS_KEPT:]:
         shutil.rmtree(path, ignore_errors=True)
@@ -330,19 +423,16 @@ class _Locator(_CacheLocator):
     def __init__(self, function: Any, file: str) -> None:
         self._py_file = file  # numba names it in its warnings
         self._module = function.__module__
-        self._folder = Path(file).resolve().parent
+        self._key = key_of(getattr(function, "stands_for", function))
 
     def get_cache_path(self) -> str:
         return str(code_folder())
 
     def get_source_stamp(self) -> str:
-        """The key says all of a function of the package; of another one, such as a script's, its own folder counts."""
-        package = Path(__file__).parent
-        own = "" if self._folder.is_relative_to(package) else source_hash(self._folder, "*.py")
-        return code_folder().name + own
+        return self._key
 
     def get_disambiguator(self) -> str:
-        return str(self._module)
+        return f"{self._module}-{self._key}"
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> _Locator:
@@ -382,9 +472,29 @@ class _Cache(FunctionCache):
 
 class _EntryCache(_Cache):
     def save_overload(self, signature: Any, data: Any) -> None:
-        """Save, and remove the parts that it was made of, which take ten times as much room."""
+        """Save, and remove the parts that it was made of, which take ten times as much room, and old states."""
         super().save_overload(signature, data)
         shutil.rmtree(code_folder() / PARTS, ignore_errors=True)
+        name = self._impl.filename_base.partition(self._impl.locator.get_source_stamp())[0]
+        states: dict[str, list[Path]] = {}
+        for file in sorted(code_folder().glob(f"{name}*"), key=_age):
+            states.setdefault(file.name[len(name) :][:LENGTH], []).append(file)
+        for files in list(states.values())[STATES_KEPT:]:
+            for file in files:
+                file.unlink(missing_ok=True)
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        data = super().load_overload(signature, target_context)
+        if data is not None:
+            with contextlib.suppress(OSError):  # one that is used is young
+                os.utime(code_folder() / f"{self._impl.filename_base}.nbi")
+        return data
+
+
+def _age(file: Path) -> float:
+    with contextlib.suppress(OSError):
+        return -file.stat().st_mtime
+    return math.inf
 
 
 class _PartCache(_Cache):
