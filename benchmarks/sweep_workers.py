@@ -45,7 +45,7 @@ def main() -> None:
         efficiencies.append(took[0] / (2.0 * took[1]))
         print(f"one worker {took[0]:.1f} s, two {took[1]:.1f} s, efficiency {efficiencies[-1]:.3f}", flush=True)
     median = statistics.median(efficiencies)
-    print(f"efficiency of two workers: {median:.3f} (median), allowed is at least {LEAST}")
+    print(f"efficiency of two workers: {median:.3f} (median), must be at least {LEAST}")
     sys.exit(median < LEAST)
 
 

@@ -23,4 +23,4 @@ def check_commas(text: str, file: str | Path) -> None:
         return
     for separator, word in OTHERS.items():
         if separator in names:
-            raise InputError(f"has {word} between its columns, allowed are commas, and points in numbers", file=file)
+            raise InputError(f"has {word} between its columns, must be commas, and points in numbers", file=file)

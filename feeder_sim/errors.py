@@ -102,7 +102,7 @@ class NotAllowed(InputError):
     """
 
     def __init__(self, value: object, allowed: str, **where: Any) -> None:
-        super().__init__(f"is {quoted(value)}, allowed is {allowed}", **where)
+        super().__init__(f"is {quoted(value)}, must be {allowed}", **where)
 
 
 class Unknown(InputError):
@@ -117,7 +117,7 @@ class Unknown(InputError):
     def __init__(self, name: object, existing: Iterable[str], **where: Any) -> None:
         names = list(existing)
         hint = nearest(str(name), names)
-        super().__init__(f"is {quoted(name)}{hint}, allowed are {', '.join(names) or 'none'}", **where)
+        super().__init__(f"is {quoted(name)}{hint}, must be {', '.join(names) or 'none'}", **where)
 
 
 class MissingExtra(InputError):

@@ -66,18 +66,14 @@ def check_trusted(file: Any, path: Path) -> None:
         if not isinstance(entry, h5py.Dataset):
             continue
         if entry.external or entry.is_virtual:
-            raise InputError(
-                "takes its data from another file, allowed is data in the file itself", file=path, key=name
-            )
+            raise InputError("takes its data from another file, must be data in the file itself", file=path, key=name)
         filters = entry.id.get_create_plist()
         if any(filters.get_filter(k)[0] not in FILTERS for k in range(filters.get_nfilters())):
-            raise InputError("is packed in an unknown way, allowed is gzip", file=path, key=name)
+            raise InputError("is packed in an unknown way, must be gzip", file=path, key=name)
         claimed += entry.nbytes
         missing += max(0, entry.nbytes - MOST_PACKED * entry.id.get_storage_size())
     if missing > UNWRITTEN or claimed > _memory():
-        raise InputError(
-            f"claims to hold {claimed / 1e9:.2g} GB, allowed is what it can and this machine has", file=path
-        )
+        raise InputError(f"claims to hold {claimed / 1e9:.2g} GB, must be what it can and this machine has", file=path)
 
 
 def _entries(file: Any, path: Path) -> Iterator[tuple[str, Any]]:
@@ -91,7 +87,7 @@ def _entries(file: Any, path: Path) -> Iterator[tuple[str, Any]]:
         for member in group:
             name, count = f"{parent}/{member}", count + 1
             if not isinstance(group.get(member, getlink=True), h5py.HardLink):
-                raise InputError("is a link to somewhere else, allowed is data in the file itself", file=path, key=name)
+                raise InputError("is a link to somewhere else, must be data in the file itself", file=path, key=name)
             entry = group[member]
             yield name, entry
             if isinstance(entry, h5py.Group):

@@ -13,7 +13,7 @@ def between(low: float, high: float) -> Callable[[str], float]:
     def number(text: str) -> float:
         value = float(text)
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"is {text}, allowed is {low:g} to {high:g}")
+            raise argparse.ArgumentTypeError(f"is {text}, must be {low:g} to {high:g}")
         return value
 
     return number
@@ -25,7 +25,7 @@ def whole(low: int, high: int) -> Callable[[str], int]:
     def number(text: str) -> int:
         value = int(text)
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"is {text}, allowed is {low} to {high}")
+            raise argparse.ArgumentTypeError(f"is {text}, must be {low} to {high}")
         return value
 
     return number

@@ -135,7 +135,7 @@ def read_tosses(path: Path) -> list[Toss]:
         raise InputError("holds no tosses", file=path)
     for name in COLUMNS:
         if name not in rows[0]:
-            raise InputError(f"is missing, allowed are the columns {', '.join(COLUMNS)}", file=path, key=name)
+            raise InputError(f"is missing, must be the columns {', '.join(COLUMNS)}", file=path, key=name)
     return [_toss(row, line, path) for line, row in enumerate(rows, 2)]
 
 
@@ -145,12 +145,12 @@ def _toss(row: dict[str, str], line: int, path: Path) -> Toss:
         try:
             values[name] = float(row[name])
         except (TypeError, ValueError) as error:
-            raise InputError(f"is {row[name]!r}, allowed is a number", file=path, key=f"line {line}, {name}") from error
+            raise InputError(f"is {row[name]!r}, must be a number", file=path, key=f"line {line}, {name}") from error
         if not abs(values[name]) <= LARGEST:
-            raise InputError(f"is {row[name]}, allowed is up to {LARGEST:g}", file=path, key=f"line {line}, {name}")
+            raise InputError(f"is {row[name]}, must be up to {LARGEST:g}", file=path, key=f"line {line}, {name}")
     if values["duration_s"] < SHORTEST_S:
         raise InputError(
-            f"is {values['duration_s']:g}, allowed is at least {SHORTEST_S:g}",
+            f"is {values['duration_s']:g}, must be at least {SHORTEST_S:g}",
             file=path,
             key=f"line {line}, duration_s",
         )
@@ -158,7 +158,7 @@ def _toss(row: dict[str, str], line: int, path: Path) -> Toss:
     for turn, name in ((state[3:7], "qw"), (end[3:], "end_qw")):
         if abs(np.linalg.norm(turn) - 1.0) > UNIT_ERROR:
             raise InputError(
-                f"to {name.replace('qw', 'qz')} have length {np.linalg.norm(turn):g}, allowed is 1",
+                f"to {name.replace('qw', 'qz')} have length {np.linalg.norm(turn):g}, must be 1",
                 file=path,
                 key=f"line {line}, {name}",
             )

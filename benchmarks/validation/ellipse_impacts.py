@@ -91,9 +91,9 @@ def read_impacts(path: Path) -> EllipseImpacts:
     try:
         values = np.array([[float(row[name]) for name in names] for row in rows])
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"holds {error}, allowed are numbers in {', '.join(names)}", file=path) from None
+        raise InputError(f"holds {error}, must be numbers in {', '.join(names)}", file=path) from None
     if values.ndim != 2 or not np.isfinite(values).all():
-        raise InputError("holds no row, or what is not finite, allowed are finite numbers", file=path)
+        raise InputError("holds no row, or what is not finite, must be finite numbers", file=path)
     return EllipseImpacts(values[:, 0], values[:, 1:4] * MIRRORED, values[:, 4:] * MIRRORED)
 
 
@@ -260,7 +260,7 @@ def main() -> int:
     try:
         impacts = read_impacts(options.data)
         if len(impacts.arm) < 2 and (options.compare or options.picture):
-            raise InputError("holds one impact, allowed are two and more where laws are compared", file=options.data)
+            raise InputError("holds one impact, must be two and more where laws are compared", file=options.data)
     except InputError as error:
         print(error, file=sys.stderr)
         return error.exit_code

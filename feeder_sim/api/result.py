@@ -86,7 +86,7 @@ class Plots:
             return frames
         for seed in seeds:
             if not 0 <= seed < len(frames):
-                raise InputError(f"is {seed}, allowed is 0 to {len(frames) - 1}", key="seed")
+                raise InputError(f"is {seed}, must be 0 to {len(frames) - 1}", key="seed")
         return [frames[seed] for seed in seeds]
 
     def __repr__(self) -> str:

@@ -80,7 +80,7 @@ def saved_frames(result: Result) -> list[Any]:
         InputError: none were kept.
     """
     if not any(len(seed.frames) for seed in result.seeds):
-        problem = "were not kept, allowed is record=AllFrames() or EveryNth(n) in the call that made the result"
+        problem = "were not kept, must be record=AllFrames() or EveryNth(n) in the call that made the result"
         raise InputError(problem, key="frames")
     return [seed.frames for seed in result.seeds]
 
@@ -93,7 +93,7 @@ def frame_of(result: Result, of: Table) -> pandas.DataFrame:
     makers = {"measures": _measures, "frames": _frames, "impacts": _impacts, "removals": _removals}
     if of == "picks":
         if not has_picks(result.scene):
-            raise InputError("are of a schedule with a pick, allowed is another table", key="picks")
+            raise InputError("are of a schedule with a pick, must be another table", key="picks")
         return pandas.read_csv(io.StringIO(picks_csv(result.scene, result.seeds)), keep_default_na=False)
     return pandas.DataFrame(makers[of](result))
 
@@ -126,7 +126,7 @@ def _frames(result: Result) -> dict[str, Any]:
 
 def _impacts(result: Result) -> dict[str, Any]:
     if any(seed.readings is not None for seed in result.seeds) and not any(len(seed.impacts) for seed in result.seeds):
-        raise InputError("were not kept, allowed is another record in the call that made the result", key="impacts")
+        raise InputError("were not kept, must be another record in the call that made the result", key="impacts")
     impacts = [seed.impacts for seed in result.seeds]
     return {
         "seed": np.repeat(np.arange(len(impacts)), [len(entry) for entry in impacts]),

@@ -17,7 +17,7 @@ from feeder_sim.errors import InputError, NotAllowed, quoted
 from feeder_sim.records.files import write_whole
 
 MOST_BYTES = 60_000_000  # of a file that is put in
-ALLOWED = "allowed is the address that the command printed"
+ALLOWED = "must be the address that the command printed"
 KINDS = (".stl", ".obj", ".ply", ".dxf", ".svg")
 Scope = MutableMapping[str, Any]
 Send = Callable[[Scope], Awaitable[None]]
@@ -54,13 +54,13 @@ class Guarded:
             return 421, f"the host is {quoted(headers.get('host', ''))}, {ALLOWED}"
         origin = headers.get("origin")
         if origin not in (None, *(f"http://{host}" for host in self.hosts)):
-            return 403, f"the page comes from {quoted(origin)}, allowed is this server"
+            return 403, f"the page comes from {quoted(origin)}, must be this server"
         if not secrets.compare_digest((query_token or self._token_in(headers)).encode(), self.token.encode()):
             return 403, f"the token is missing or wrong, {ALLOWED}"
         if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD"):
             length = headers.get("content-length", "")
             if not length.isdigit() or int(length) > MOST_BYTES:
-                return 413, f"the file is too large, allowed are {MOST_BYTES // 1_000_000} MB"
+                return 413, f"the file is too large, must be {MOST_BYTES // 1_000_000} MB"
         return None
 
     def _token_in(self, headers: dict[str, str]) -> str:
@@ -90,7 +90,7 @@ def put_in(folder: Path, name: str, content: bytes) -> Path:
     if suffix not in KINDS:
         raise NotAllowed(name, f"a file that ends in {', '.join(KINDS)}")
     if len(content) > MOST_BYTES:
-        raise InputError(f"has {len(content) / 1e6:.0f} MB, allowed are {MOST_BYTES // 1_000_000}", file=name)
+        raise InputError(f"has {len(content) / 1e6:.0f} MB, must be {MOST_BYTES // 1_000_000}", file=name)
     stem = re.sub(r"[^A-Za-z0-9_-]+", "_", stem).strip("_")[:60] or "file"
     for number in range(1, 1000):
         path = folder / f"{stem}{f'_{number}' if number > 1 else ''}{suffix}"
@@ -100,4 +100,4 @@ def put_in(folder: Path, name: str, content: bytes) -> Path:
         if not path.exists():
             write_whole(path, content)
             return path
-    raise InputError(f"has {number} namesakes, allowed is another name", file=name)
+    raise InputError(f"has {number} namesakes, must be another name", file=name)

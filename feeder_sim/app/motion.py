@@ -42,7 +42,7 @@ def modes_shown(scenario: Scenario) -> ModeFile:
         return modes_of_plate(plate.as_file(plate.highest_frequency_hz or max(HIGHEST_HZ, 1.2 * highest)))
     if isinstance(plate, ModePlate | Rectangle) and plate.mode_file is not None:
         return read_mode_file(plate.mode_file)
-    problem = f'is "{plate.kind}", whose modes the page does not show; allowed is "plate", or a plate with a mode_file'
+    problem = f'is "{plate.kind}", whose modes the page does not show; must be "plate", or a plate with a mode_file'
     raise InputError(problem, key="plate.kind")
 
 

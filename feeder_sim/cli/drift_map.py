@@ -38,7 +38,7 @@ def drift_map(
     """Tabulate drift and diffusion of the part of a scenario, for its contact and the thickness of its plate."""
     writable(out)
     if out.suffix != ".npz":
-        raise InputError(f"is {out.suffix!r}, allowed is .npz", file=out, key="--out")
+        raise InputError(f"is {out.suffix!r}, must be .npz", file=out, key="--out")
     scenario = scenario_of(scenario_file, None, None, seed, settings)
     with file_in_errors(scenario_file):
         from feeder_sim.jobs.workers import seed_workers

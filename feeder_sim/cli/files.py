@@ -118,7 +118,7 @@ def scenario_of_plate(source: Path) -> Scenario | None:
     scenario = load_scenario(source)
     if not isinstance(scenario.plate, BendingPlate):
         raise InputError(
-            f'is "{scenario.plate.kind}", allowed is "plate" in a scenario; else its mode file or a plate file',
+            f'is "{scenario.plate.kind}", must be "plate" in a scenario; else its mode file or a plate file',
             file=source,
             key="plate.kind",
         )
@@ -133,7 +133,7 @@ def new_picture(path: Path) -> Path:
     """
     writable(path)
     if path.suffix.lower() not in PICTURES:
-        raise InputError(f"is {path.suffix!r}, allowed is {', '.join(PICTURES)}", file=path, key="--picture")
+        raise InputError(f"is {path.suffix!r}, must be {', '.join(PICTURES)}", file=path, key="--picture")
     return path
 
 
@@ -148,10 +148,10 @@ def writable(path: Path, *, force: bool | None = None) -> Path:
         InputError: the file exists, unless `force` is set, or its folder does not.
     """
     if path.exists() and not force:
-        other = "allowed is a new file" if force is None else "--force replaces it"
+        other = "must be a new file" if force is None else "--force replaces it"
         raise InputError(f"exists already, {other}", file=path)
     if not path.parent.is_dir() or path.is_dir():
-        raise InputError("allowed is a file in a folder that exists", file=path)
+        raise InputError("must be a file in a folder that exists", file=path)
     return path
 
 

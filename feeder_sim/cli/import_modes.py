@@ -46,9 +46,9 @@ def import_modes_command(
 ) -> None:
     """Bring in mode shapes from a measurement or another program; check, store and draw them."""
     if thickness is None:
-        raise InputError("is missing, allowed is the thickness of the plate in mm", file=source, key="--thickness")
+        raise InputError("is missing, must be the thickness of the plate in mm", file=source, key="--thickness")
     if not 1e-3 <= thickness <= 1e5:
-        raise InputError(f"is {thickness:g}, allowed is 0.001 to 100000 mm", key="--thickness")
+        raise InputError(f"is {thickness:g}, must be 0.001 to 100000 mm", key="--thickness")
     of = _material(material)
     if out is not None:
         writable(out, force=force)
@@ -99,10 +99,10 @@ def _read(source: Path, unit: str | None, thickness: float) -> MeasuredShapes:
     suffix = source.suffix.lower()
     if suffix not in (*UNIVERSAL, TABLE):
         allowed = ", ".join((*UNIVERSAL, TABLE))
-        raise InputError(f"is {source.suffix!r}, allowed is {allowed}", file=source, key="suffix")
+        raise InputError(f"is {source.suffix!r}, must be {allowed}", file=source, key="suffix")
     if unit is not None and (unit not in LENGTHS or suffix == TABLE):
         allowed = "none with a table, whose columns say mm" if suffix == TABLE else f"one of {', '.join(LENGTHS)}"
-        raise InputError(f"is {unit!r}, allowed is {allowed}", file=source, key="--unit")
+        raise InputError(f"is {unit!r}, must be {allowed}", file=source, key="--unit")
     if suffix in UNIVERSAL:
         if not source.is_file():
             raise InputError("no such file", file=source)

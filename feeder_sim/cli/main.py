@@ -251,13 +251,13 @@ def bifurcation(
     """Sweep the plate's amplitude under a bouncing part; find where period one, two, four, ... begin."""
     scenario = scenario_of(scenario_file, engine, seeds, None, settings)
     if not 0.0 < low < high <= 1e6:
-        raise InputError(f"are {low:g} and {high:g}, allowed is 0 < --from < --to <= 1e6", key="--from, --to")
+        raise InputError(f"are {low:g} and {high:g}, must be 0 < --from < --to <= 1e6", key="--from, --to")
     if picture is not None:
         new_picture(picture)
     if data is not None:
         writable(data)
         if picture == data:
-            raise InputError("is the same file as --picture, allowed is another one", file=data, key="--data")
+            raise InputError("is the same file as --picture, must be another one", file=data, key="--data")
     with file_in_errors(scenario_file), progress_bar(scenario.title or scenario_file.stem) as progress:
         import numpy as np
 
@@ -314,7 +314,7 @@ def vibrometer(
     from feeder_sim.records.trajectory_file import recording_of
 
     if not start < stop:
-        raise InputError(f"are {start:g} and {stop:g}, allowed is --from < --to", key="--from, --to")
+        raise InputError(f"are {start:g} and {stop:g}, must be --from < --to", key="--from, --to")
     new_picture(picture)
     record = velocity_record(recording_of(folder), seed=show_seed, start=start, stop=stop)
     draw_velocity(record, picture)

@@ -134,7 +134,7 @@ def _contact(file: Path, engine: str, restitution: float | None, friction: float
     from feeder_sim.studies.drops import ENGINES
 
     if engine not in ENGINES:
-        raise InputError(f"is {engine!r}, allowed is {', '.join(ENGINES)}", key="--engine")
+        raise InputError(f"is {engine!r}, must be {', '.join(ENGINES)}", key="--engine")
     options = {"restitution": restitution, "friction": friction}
     return validated({name: value for name, value in options.items() if value is not None}, Contact, file)
 

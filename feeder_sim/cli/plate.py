@@ -57,7 +57,7 @@ def modes(
         write_mode_file(writable(out, force=force), mode_file)
     if picture is not None:
         if mode > len(mode_file.modes):
-            raise InputError(f"is {mode}, allowed is 1 to {len(mode_file.modes)}", file=source, key="--mode")
+            raise InputError(f"is {mode}, must be 1 to {len(mode_file.modes)}", file=source, key="--mode")
         from feeder_sim.plots.pictures import draw_mode
 
         draw_mode(mode_file.modes, mode - 1, new_picture(picture))
@@ -128,7 +128,7 @@ def sequence(
 
     search = Search(1e-3 * tolerance, limit, growth, most)
     if y != 0.0 and growth < NO_LIMIT:
-        raise InputError("belongs to the middle of the plate, allowed is --y 0 with it", file=source, key="--growth")
+        raise InputError("belongs to the middle of the plate, must be --y 0 with it", file=source, key="--growth")
     if ratios is not None:
         if order is not None:
             raise InputError("follows one plate's modes, not allowed with --ratios", file=source, key="--modes")
@@ -141,7 +141,7 @@ def sequence(
         ("y", y, modes.plate.width),
     ):
         if abs(value) >= 500.0 * size:
-            raise InputError(f"is {value:g}, allowed is within +-{500.0 * size:g} mm", file=source, key=f"--{name}")
+            raise InputError(f"is {value:g}, must be within +-{500.0 * size:g} mm", file=source, key=f"--{name}")
     try:
         nodes = nodes_on_line(modes, y=1e-3 * y)
     except ValueError as error:  # too thick for its highest modes to be bending waves
@@ -198,7 +198,7 @@ def _parsed_ratios(ratios: str, source: Path) -> list[float]:
         low, high, n = 0.0, 0.0, 0
     if not (0.1 <= low < high <= 10.0 and 2 <= n <= 1000):
         raise InputError(
-            f"is {ratios}, allowed is LEAST:LARGEST:NUMBER within 0.1 to 10, such as 1:2:11",
+            f"is {ratios}, must be LEAST:LARGEST:NUMBER within 0.1 to 10, such as 1:2:11",
             file=source,
             key="--ratios",
         )
@@ -214,9 +214,7 @@ def _followed(nodes: list[LineNodes], order: str, start: float, n_modes: int, so
     except ValueError:
         numbers = [0]
     if not all(1 <= number <= n_modes for number in numbers):
-        raise InputError(
-            f"is {order}, allowed are numbers from 1 to {n_modes}, such as 1,4,3", file=source, key="--modes"
-        )
+        raise InputError(f"is {order}, must be numbers from 1 to {n_modes}, such as 1,4,3", file=source, key="--modes")
     try:
         return follow(nodes, [number - 1 for number in numbers], start)
     except ValueError as error:

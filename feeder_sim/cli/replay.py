@@ -112,7 +112,7 @@ def _tell(as_json: bool, facts: dict[str, Any]) -> None:
 def _check_new(path: Path, key: str, suffixes: tuple[str, ...]) -> None:
     """Refuse a path that cannot be written, or to which no such file can be."""
     if path.suffix.lower() not in suffixes:
-        raise InputError(f"is {quoted(path.suffix)}, allowed is {', '.join(suffixes)}", file=path, key=key)
+        raise InputError(f"is {quoted(path.suffix)}, must be {', '.join(suffixes)}", file=path, key=key)
     writable(path)
 
 

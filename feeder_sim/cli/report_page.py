@@ -36,7 +36,7 @@ def report(
 
     file = out or (folder if folder.is_dir() else folder.parent) / PAGE
     if file.suffix.lower() not in SUFFIXES:
-        raise InputError(f"is {quoted(file.suffix)}, allowed is {' or '.join(SUFFIXES)}", file=file, key="--out")
+        raise InputError(f"is {quoted(file.suffix)}, must be {' or '.join(SUFFIXES)}", file=file, key="--out")
     if file.is_file() and not force and not text:
         raise InputError("exists already, --force replaces it", file=file, key="--out")
     with progress_bar(str(folder)) as progress, options_in_errors():

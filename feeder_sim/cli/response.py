@@ -73,18 +73,18 @@ def response(
         _fit_measured(mode_file, source, measured, actuator, write, picture, as_json)
         return
     if write is not None:
-        raise InputError("is given without --measured, allowed is with it", file=source, key="--write")
+        raise InputError("is given without --measured, must be with it", file=source, key="--write")
     frequencies = mode_file.modes.natural_frequency
     low = 0.5 * float(frequencies[0]) if low is None else low
     high = float(frequencies[-1]) if high is None else high
     if not 0.0 < low < high <= frequencies[-1] * 1.02:
         raise InputError(
-            f"is {low:g} to {high:g}, allowed is a range within 0 to {frequencies[-1]:.0f} Hz, the last computed mode",
+            f"is {low:g} to {high:g}, must be a range within 0 to {frequencies[-1]:.0f} Hz, the last computed mode",
             file=source,
             key="--from, --to",
         )
     if damping is not None and not 1e-6 <= damping < 1.0:
-        raise InputError(f"is {damping:g}, allowed is 1e-06 to 1", file=source, key="--damping")
+        raise InputError(f"is {damping:g}, must be 1e-06 to 1", file=source, key="--damping")
     point = point_on_plate(at, mode_file, source, "--at")
     names = actuator or [mode_file.actuators[0].name]
     with file_in_errors(source):
@@ -128,7 +128,7 @@ def _fit_measured(
         natural = mode_file.modes.natural_frequency
         if high < natural[0] or low > natural[-1]:
             raise InputError(
-                f"goes from {low:g} to {high:g} Hz, allowed is a sweep in Hz over modes of the plate, which lie at "
+                f"goes from {low:g} to {high:g} Hz, must be a sweep in Hz over modes of the plate, which lie at "
                 f"{natural[0]:.0f} to {natural[-1]:.0f} Hz",
                 key="frequency_hz",
             )
@@ -147,7 +147,7 @@ def _check_new_plate_file(out: Path, source: Path) -> None:
     if source.suffix != ".toml" or scenario_of_plate(source) is not None:
         raise InputError("goes with a plate file (.toml)", file=source, key="--write")
     if out.suffix != ".toml" or out.resolve().parent != source.resolve().parent:
-        raise InputError(f"allowed is a .toml file in the folder of {source.name}", file=out, key="--write")
+        raise InputError(f"must be a .toml file in the folder of {source.name}", file=out, key="--write")
 
 
 def _write_resonances(mode_file: ModeFile, fit: SweepFit, modes: Sequence[int | None], source: Path, out: Path) -> None:
@@ -202,12 +202,12 @@ def _say(warning: str) -> None:
 
 def _check_actuators(mode_file: ModeFile, source: Path) -> None:
     if not mode_file.actuators:
-        raise InputError("has no actuator, allowed is a plate with at least one [[actuator]]", file=source)
+        raise InputError("has no actuator, must be a plate with at least one [[actuator]]", file=source)
 
 
 def _check_volts(volts: float, source: Path) -> None:
     if not 0.0 < volts <= HIGHEST_VOLTS:
-        raise InputError(f"is {volts:g}, allowed is above 0 and up to {HIGHEST_VOLTS:g}", file=source, key="--volts")
+        raise InputError(f"is {volts:g}, must be above 0 and up to {HIGHEST_VOLTS:g}", file=source, key="--volts")
 
 
 def point_on_plate(text: str | None, mode_file: ModeFile, source: Path, option: str) -> tuple[float, float] | None:
@@ -225,7 +225,7 @@ def point_on_plate(text: str | None, mode_file: ModeFile, source: Path, option: 
         x = y = math.nan
     if not (abs(x) <= 0.5 * plate.length and abs(y) <= 0.5 * plate.width):
         raise InputError(
-            f"is {text}, allowed is x,y within +-{500.0 * plate.length:g}, +-{500.0 * plate.width:g} mm",
+            f"is {text}, must be x,y within +-{500.0 * plate.length:g}, +-{500.0 * plate.width:g} mm",
             file=source,
             key=option,
         )

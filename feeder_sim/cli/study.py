@@ -47,7 +47,7 @@ def share_of(text: str) -> float:
         if not 0.0 < share < 1.0:
             raise ValueError
     except ValueError:
-        raise InputError(f"is {text!r}, allowed is a share such as 3% or 0.03", key="--until-se") from None
+        raise InputError(f"is {text!r}, must be a share such as 3% or 0.03", key="--until-se") from None
     return share
 
 
@@ -59,7 +59,7 @@ def seconds_of(text: str) -> float:
     """
     match = _TIME.fullmatch(text)
     if match is None or float(match[1]) == 0.0:
-        raise InputError(f"is {text!r}, allowed is a time such as 90s, 30min or 1h", key="--budget")
+        raise InputError(f"is {text!r}, must be a time such as 90s, 30min or 1h", key="--budget")
     return float(match[1]) * _SECONDS[match[2]]
 
 
@@ -191,5 +191,5 @@ def _task_of(text: str | None) -> tuple[int, int] | None:
         return None
     match = _TASK.fullmatch(text)
     if match is None or not 1 <= int(match[1]) <= int(match[2]):
-        raise InputError(f"is {text!r}, allowed is I/N with I from 1 to N", key="--task")
+        raise InputError(f"is {text!r}, must be I/N with I from 1 to N", key="--task")
     return int(match[1]), int(match[2])

@@ -74,7 +74,7 @@ def recorded_inputs(run: Path, request: int | None) -> int:
     if type(recorded) is not int or recorded < SEEDS:
         raise NotAllowed(recorded, "a whole number of at least 2", file=file, key="inputs")
     if request not in (None, recorded):
-        raise InputError(f"is {request}, allowed is {recorded}, which the run was begun with", file=run, key="--inputs")
+        raise InputError(f"is {request}, must be {recorded}, which the run was begun with", file=run, key="--inputs")
     return recorded
 
 

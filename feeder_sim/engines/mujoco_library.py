@@ -20,7 +20,7 @@ def load_mujoco_symbols() -> None:
     """
     version = tuple(int(n) for n in mujoco.__version__.split(".")[:3])
     if version < LEAST_VERSION or version == WRONG_VERSION:
-        allowed = "allowed is 3.13 or newer except 4.0.0, which solves sparse contacts wrongly"
+        allowed = "must be 3.13 or newer except 4.0.0, which solves sparse contacts wrongly"
         raise FeederSimError(f"MuJoCo is {mujoco.__version__}, {allowed}")
     folder = Path(mujoco.__file__).parent
     library = next((p for p in sorted(folder.iterdir()) if p.name.startswith(("libmujoco", "mujoco.dll"))), None)

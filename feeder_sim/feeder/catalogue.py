@@ -42,7 +42,7 @@ class Catalogue:
         check_scenario(scenario)
         check_type(stages, Sequence, "a list of stages", "stages")
         if scenario.schedule is None:
-            raise InputError("is missing, allowed is a scenario with stages that a feeder can run", key="schedule")
+            raise InputError("is missing, must be a scenario with stages that a feeder can run", key="schedule")
         tables = [*scenario.schedule.stage, *(_checked(stage) for stage in stages)]
         self._scenario = with_run(scenario, file=FEEDER, seeds=1, seed=seed)
         self._by_hand = scenario.schedule.by_hand
@@ -84,7 +84,7 @@ class Catalogue:
             return self.names.index(stage)
         if isinstance(stage, int | np.integer):
             if not 0 <= stage < len(self._stages):
-                raise InputError(f"is {stage}, allowed is 0 to {len(self._stages) - 1}", key="stage")
+                raise InputError(f"is {stage}, must be 0 to {len(self._stages) - 1}", key="stage")
             return int(stage)
         return self._number_of_table(_checked(stage))
 
@@ -120,7 +120,7 @@ class Catalogue:
         """Add a stage, with a name of its own."""
         name = stage.name or f"stage {len(self._stages) + 1}"
         if name in self.names:
-            raise InputError(f'is "{name}", which another stage has, allowed is a name of its own', key="stage.name")
+            raise InputError(f'is "{name}", which another stage has, must be a name of its own', key="stage.name")
         self._stages.append(stage.model_copy(update={"name": name}))
 
     def _prepared(self) -> Prepared:
@@ -146,12 +146,12 @@ def _check_unchanged(before: Prepared, after: Prepared) -> None:
     old, new = before.scene, after.scene
     if old.surface.table.shape != new.surface.table.shape or not np.array_equal(old.surface.table, new.surface.table):
         raise InputError(
-            "drives a mode that no other stage drives, allowed are the modes of the schedule and of Feeder(stages=...)",
+            "drives a mode that no other stage drives, must be the modes of the schedule and of Feeder(stages=...)",
             key="stage",
         )
     if (old.timestep, old.steps_per_frame) != (new.timestep, new.steps_per_frame):
         raise InputError(
-            f"needs steps of {1e6 * new.timestep:.3g} us, allowed are those of {1e6 * old.timestep:.3g} us that the "
+            f"needs steps of {1e6 * new.timestep:.3g} us, must be those of {1e6 * old.timestep:.3g} us that the "
             "schedule and Feeder(stages=...) need",
             key="stage",
         )

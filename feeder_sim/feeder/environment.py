@@ -118,7 +118,7 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
             InputError: there is no such stage, or the episode is over.
         """
         if self._over:
-            raise InputError("comes after the end of an episode, allowed is `reset` first", key="step")
+            raise InputError("comes after the end of an episode, must be `reset` first", key="step")
         if not self.action_space.contains(action):
             stages = len(self._feeder.stage_names)
             raise NotAllowed(action, f"a whole number from 0 to {stages - 1}", key="action")
@@ -162,7 +162,7 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
 def _checked_refill(scenario: Scenario, below: int) -> int:
     """Refuse a refill that the scenario does not have, or that could never be reached."""
     if check_whole(below, "refill_below", 0, scenario.parts_at_once) and scenario.refill is None:
-        raise InputError(f"is {below}, allowed is 0 without a [refill] in the scenario", key="refill_below")
+        raise InputError(f"is {below}, must be 0 without a [refill] in the scenario", key="refill_below")
     return int(below)
 
 

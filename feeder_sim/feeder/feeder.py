@@ -146,13 +146,11 @@ class Feeder:
         """
         self._check_open()
         if (stage is None) == (not values):
-            raise InputError("allowed is exactly one: a stage, or the values of one as keywords", key="vibrate")
+            raise InputError("must be exactly one: a stage, or the values of one as keywords", key="vibrate")
         n_stages = len(self.stage_names)
         number = self._catalogue.number(validated(values, Stage, Path("stage")) if stage is None else stage)
         if self._run.status != Status.UNFINISHED:
-            raise InputError(
-                "no part is left on the plate, allowed is a scenario with [refill] to go on", key="vibrate"
-            )
+            raise InputError("no part is left on the plate, must be a scenario with [refill] to go on", key="vibrate")
         if len(self.stage_names) > n_stages:
             self._run.widen(self._catalogue.prepared)
         if not self._began and self._folder is None:
@@ -178,11 +176,9 @@ class Feeder:
             raise NotAllowed(parts, "the number of a part, or several", key="pick")
         missing = chosen[~np.isin(chosen, there)]
         if len(missing):
-            raise InputError(
-                f"is {missing[0]}, allowed are the numbers of the {len(there)} parts on the plate", key="pick"
-            )
+            raise InputError(f"is {missing[0]}, must be the numbers of the {len(there)} parts on the plate", key="pick")
         if len(np.unique(chosen)) < len(chosen):
-            raise InputError("names a part twice, allowed is once", key="pick")
+            raise InputError("names a part twice, must be once", key="pick")
         if len(chosen):
             self._by_hand = True
             self._run.pick(chosen.astype(np.int64))
@@ -214,7 +210,7 @@ class Feeder:
         self._check_open()
         requested = check_whole(n, "refill", most=len(self._catalogue.prepared.scene.parts))
         if self._catalogue.prepared.scenario.refill is None:
-            raise InputError("is missing, allowed is a scenario that says where new parts come from", key="refill")
+            raise InputError("is missing, must be a scenario that says where new parts come from", key="refill")
         self._by_hand = True
         return self._run.bring_in(requested)
 
@@ -230,7 +226,7 @@ class Feeder:
         """
         self._check_open()
         if self._began:
-            raise InputError("comes after a stage, allowed is before the first one", key="record")
+            raise InputError("comes after a stage, must be before the first one", key="record")
         path = path_of_user(folder, "folder")
         check_free(path)
         self._folder, self._replay = path, replay
@@ -248,7 +244,7 @@ class Feeder:
             return None
         self._closed = True
         if not self._began:
-            raise InputError("nothing to record, allowed is a feeder that has run a stage", key="record")
+            raise InputError("nothing to record, must be a feeder that has run a stage", key="record")
         return record_ended(self._resolved(), self._folder, self._run.ended(), replay=self._replay)
 
     def __enter__(self) -> Self:
@@ -272,9 +268,9 @@ class Feeder:
 
     def _check_open(self) -> None:
         if self._closed:
-            raise InputError("is closed, allowed is a new one", key="Feeder")
+            raise InputError("is closed, must be a new one", key="Feeder")
         if self._run.status == Status.DIVERGED:
-            raise InputError("has diverged, allowed is a new one", key="Feeder")
+            raise InputError("has diverged, must be a new one", key="Feeder")
 
 
 def checked_pick(rule: Pick | Mapping[str, Any]) -> Pick:

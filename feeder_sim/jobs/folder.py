@@ -151,7 +151,7 @@ class WorkFolder:
         """Refuse the folder of another question."""
         identity = _identity_in(self.path / self._kind)
         if identity is not None and identity != self._text.partition("\n")[0]:
-            problem = f"holds another question ({self._kind}), allowed is a new folder or that of the same question"
+            problem = f"holds another question ({self._kind}), must be a new folder or that of the same question"
             raise InputError(problem, file=self.path, argument="out")
 
 
@@ -191,7 +191,7 @@ def check_work_folder(path: Path, kind: str) -> None:
     names = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
     foreign = [name for name in names if not _LEFTOVERS.fullmatch(name)]
     if kind not in names and foreign:
-        problem = f"holds {foreign[0]} and no {kind}, allowed is a new folder or one that has it"
+        problem = f"holds {foreign[0]} and no {kind}, must be a new folder or one that has it"
         raise InputError(problem, file=path, argument="out")
 
 
@@ -203,4 +203,4 @@ def check_no_links(path: Path, allowed: tuple[str, ...] = ()) -> None:
     """
     for entry in sorted(path.iterdir()):
         if entry.is_symlink() and entry.name not in allowed:
-            raise InputError("is a link, allowed is a file of the folder itself", file=entry)
+            raise InputError("is a link, must be a file of the folder itself", file=entry)

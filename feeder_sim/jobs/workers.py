@@ -76,7 +76,7 @@ def _check_main() -> None:
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         raise SystemExit(1)  # an error would be a traceback of every process
     if getattr(sys.modules["__main__"], "__file__", None) == "<stdin>":
-        problem = "processes cannot import a script that Python reads from standard input, allowed is one in a file"
+        problem = "processes cannot import a script that Python reads from standard input, must be one in a file"
         raise InputError(problem, argument="workers")
 
 
@@ -137,7 +137,7 @@ def _check_address(address: str) -> None:
         if not 1 <= port <= LAST_PORT:
             raise ValueError(f"the port is {port}")
     except ValueError as error:
-        problem = f"is {quoted(address)}, allowed is an address such as tcp://host:8786 ({error})"
+        problem = f"is {quoted(address)}, must be an address such as tcp://host:8786 ({error})"
         raise InputError(problem, key="--dask") from error
 
 

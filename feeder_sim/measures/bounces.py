@@ -96,11 +96,9 @@ def velocity_record(recording: Recording, *, seed: int, start: float, stop: floa
     """
     impacts = [record.impacts for record in recording.records]
     if not any(len(impacts_of_seed) for impacts_of_seed in impacts):
-        raise InputError("holds no impacts, allowed is a run of a part in a guide", file=recording.path)
+        raise InputError("holds no impacts, must be a run of a part in a guide", file=recording.path)
     if not 0 <= seed < len(recording.seeds):
-        raise InputError(
-            f"is {seed}, allowed is 0 to {len(recording.seeds) - 1}", file=recording.path, key="--show-seed"
-        )
+        raise InputError(f"is {seed}, must be 0 to {len(recording.seeds) - 1}", file=recording.path, key="--show-seed")
     frames = recording.seeds[seed]
     in_window = (frames.time >= start) & (frames.time <= stop)
     if not in_window.any():

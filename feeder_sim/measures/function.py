@@ -49,7 +49,7 @@ class FunctionMeasure(Measure[dict[str, Statistic], float]):
             except Exception as error:  # of any kind: it is the code of somebody else
                 raise InputError(f"fails with {type(error).__name__}: {error}", key=f"measures: {self.name}") from error
             if not isinstance(value, Real):
-                raise InputError(f"makes {quoted(value)} of a seed, allowed is a number", key=f"measures: {self.name}")
+                raise InputError(f"makes {quoted(value)} of a seed, must be a number", key=f"measures: {self.name}")
             return float(value)
 
         return read
@@ -87,7 +87,7 @@ def as_measure(candidate: Any, name: str = "") -> Measure[Any, Any]:
         return candidate
     if not callable(candidate) or not (name or getattr(candidate, "__name__", "<").isidentifier()):
         allowed = "a function with a name, of a prepared scenario and a seed"
-        raise InputError(f"has {quoted(candidate)}, allowed is {allowed}", key="measures")
+        raise InputError(f"has {quoted(candidate)}, must be {allowed}", key="measures")
     return FunctionMeasure(candidate, name)
 
 
@@ -100,7 +100,7 @@ def as_measures(candidates: Iterable[Any]) -> tuple[Measure[Any, Any], ...]:
     measures = tuple(as_measure(entry) for entry in candidates)
     names = [measure.name for measure in measures]
     if twice := next((name for name in names if names.count(name) > 1), None):
-        raise InputError(f"has {twice} twice, allowed are measures of different names", key="measures")
+        raise InputError(f"has {twice} twice, must be measures of different names", key="measures")
     return measures
 
 

@@ -157,7 +157,7 @@ def closed_mesh(path: Path, unit_mm: float, *, key: str = "part.file") -> Any:
     _check_closed(mesh, unit_mm, refusal)
     _check_outside_out(mesh, path, refusal)
     if mesh.body_count > 1:
-        raise refusal(f"holds {mesh.body_count} bodies or cavities, allowed is one body without closed cavities")
+        raise refusal(f"holds {mesh.body_count} bodies or cavities, must be one body without closed cavities")
     crossing = first_crossing(np.asarray(mesh.triangles))
     if crossing is not None:
         first, second, place = crossing
@@ -183,7 +183,7 @@ def read_triangles(path: Path, refusal: Refusal) -> Any:
         InputError: made by `refusal`; the file is missing, unreadable, too large, or holds no triangles.
     """
     if path.suffix.lower() not in MESH_SUFFIXES:
-        raise refusal(f"is {path.suffix!r}, allowed is {', '.join(MESH_SUFFIXES)}")
+        raise refusal(f"is {path.suffix!r}, must be {', '.join(MESH_SUFFIXES)}")
     if not path.is_file():
         raise refusal("no such mesh file")
     _check_facets(path, refusal)
@@ -203,11 +203,11 @@ def _check_facets(path: Path, refusal: Refusal) -> None:
         match = re.search(rb"element face (\d{1,12})\s", head)
         number = int(match.group(1)) if match else 0
     if number > MOST_FACETS:
-        raise refusal(f"has {number} facets, allowed is up to {MOST_FACETS}: {FEWER}")
+        raise refusal(f"has {number} facets, must be up to {MOST_FACETS}: {FEWER}")
     if path.suffix.lower() in TEXT and size > MOST_BYTES_OF_TEXT:
-        raise refusal(f"has {1e-6 * size:.0f} MB, allowed is up to {1e-6 * MOST_BYTES_OF_TEXT:.0f} MB: {FEWER}")
+        raise refusal(f"has {1e-6 * size:.0f} MB, must be up to {1e-6 * MOST_BYTES_OF_TEXT:.0f} MB: {FEWER}")
     if size > MOST_BYTES:
-        raise refusal(f"has {1e-6 * size:.0f} MB, allowed is up to {1e-6 * MOST_BYTES:.0f} MB: {FEWER}")
+        raise refusal(f"has {1e-6 * size:.0f} MB, must be up to {1e-6 * MOST_BYTES:.0f} MB: {FEWER}")
 
 
 def _loaded(path: Path, refusal: Refusal) -> Any:
@@ -229,9 +229,9 @@ def _loaded(path: Path, refusal: Refusal) -> Any:
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise refusal("holds no triangles")
     if mesh.vertices.shape[1:] != (3,):
-        raise refusal(f"has vertices of {mesh.vertices.shape[1]} coordinates, allowed are 3")
+        raise refusal(f"has vertices of {mesh.vertices.shape[1]} coordinates, must be 3")
     if len(mesh.faces) > MOST_FACETS:
-        raise refusal(f"has {len(mesh.faces)} facets, allowed is up to {MOST_FACETS}: {FEWER}")
+        raise refusal(f"has {len(mesh.faces)} facets, must be up to {MOST_FACETS}: {FEWER}")
     return mesh
 
 
@@ -263,17 +263,17 @@ def _check_size(mesh: Any, unit_mm: float, refusal: Refusal) -> None:
     """Refuse a size that no fed part has, as in a file of another unit."""
     reach = float(np.abs(mesh.vertices).max()) * unit_mm
     if not reach <= FARTHEST_MM:
-        raise refusal(f"reaches {reach:g} mm from its origin, allowed is up to {FARTHEST_MM:g} mm")
+        raise refusal(f"reaches {reach:g} mm from its origin, must be up to {FARTHEST_MM:g} mm")
     sides = np.ptp(mesh.vertices, axis=0) * unit_mm
     longest = float(sides.max())
     if not SHORTEST_MM <= longest <= LONGEST_MM:
         raise refusal(
-            f"is {longest:.4g} mm long with file_unit_mm = {unit_mm:g}, allowed is {SHORTEST_MM:g} to {LONGEST_MM:g} "
+            f"is {longest:.4g} mm long with file_unit_mm = {unit_mm:g}, must be {SHORTEST_MM:g} to {LONGEST_MM:g} "
             "mm: file_unit_mm is 0.001 for a file in micrometres, 25.4 for inches, 1000 for metres"
         )
     if float(sides.min()) <= FLAT * longest:
         size = " x ".join(f"{side:.4g}" for side in sides)
-        raise refusal(f"is flat and encloses no volume ({size} mm), allowed is the surface of a solid body")
+        raise refusal(f"is flat and encloses no volume ({size} mm), must be the surface of a solid body")
 
 
 def _check_closed(mesh: Any, unit_mm: float, refusal: Refusal) -> None:
@@ -282,7 +282,7 @@ def _check_closed(mesh: Any, unit_mm: float, refusal: Refusal) -> None:
         return
     edges, facets = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
     for problem, wrong in (
-        ("is an open mesh, allowed is a closed (watertight) one: {} open edges", edges[facets == 1]),
+        ("is an open mesh, must be a closed (watertight) one: {} open edges", edges[facets == 1]),
         ("has {} edges where more than two facets meet", edges[facets > 2]),
     ):
         if len(wrong):
@@ -291,7 +291,7 @@ def _check_closed(mesh: Any, unit_mm: float, refusal: Refusal) -> None:
                 f"{problem.format(len(wrong))}, the first at {_place(place, unit_mm)}; fill or mend it (Blender: 3D "
                 "Print Toolbox, Make Manifold)"
             )
-    raise refusal("is an open mesh, allowed is a closed (watertight) one")
+    raise refusal("is an open mesh, must be a closed (watertight) one")
 
 
 def _check_outside_out(mesh: Any, path: Path, refusal: Refusal) -> None:
@@ -302,7 +302,7 @@ def _check_outside_out(mesh: Any, path: Path, refusal: Refusal) -> None:
     if volume < 0.0:
         raise refusal(f"is inside out, all its facets point inwards: {TURN}")
     if not volume > FLAT * float(np.ptp(mesh.vertices, axis=0).prod()):
-        raise refusal("encloses no volume, allowed is the surface of a solid body")
+        raise refusal("encloses no volume, must be the surface of a solid body")
     wrong, of = stored_normals_against(path)
     if wrong > NORMALS_AGREE * of:
         raise refusal(

@@ -57,7 +57,7 @@ def off_facets(text: str, most: int) -> Facets:
         raise ValueError("it does not say how many corners and facets it has")
     corners, facets = int(lines[0][0]), int(lines[0][1])
     if not (0 <= corners <= 3 * most and 0 <= facets <= most):
-        raise ValueError(f"its head says {corners} corners and {facets} facets, allowed are {most} facets")
+        raise ValueError(f"its head says {corners} corners and {facets} facets, must be {most} facets")
     if len(lines) < 1 + corners + facets:
         raise ValueError("it has fewer lines than its head says")
     places = [[float(word) for word in words[:3]] for words in lines[1 : 1 + corners]]

@@ -65,7 +65,7 @@ def make_pieces(mesh: Any, unit_mm: float, error_mm: float | None = None) -> tup
     if not FINEST <= threshold <= COARSEST:
         low, high = (half * unit_mm * limit for limit in (FINEST, COARSEST))
         raise InputError(
-            f"is {error_mm:g}, allowed is {low:.3g} to {high:.3g} for a part of this size", key="--piece-error-mm"
+            f"is {error_mm:g}, must be {low:.3g} to {high:.3g} for a part of this size", key="--piece-error-mm"
         )
     try:
         import coacd
@@ -125,11 +125,11 @@ def read_pieces(path: Path, mesh_file: Path, mesh: Any, *, key: str = "part.piec
     if not path.is_file():
         raise refusal(f"no such file, make it: feeder-sim part {mesh_file} --pieces")
     if path.stat().st_size > LARGEST_FILE:
-        raise refusal(f"has {path.stat().st_size} bytes, allowed is up to {LARGEST_FILE}; {again}")
+        raise refusal(f"has {path.stat().st_size} bytes, must be up to {LARGEST_FILE}; {again}")
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise refusal("is no text in UTF-8, allowed is an OBJ file") from error
+        raise refusal("is no text in UTF-8, must be an OBJ file") from error
     match = HASH.search(text)
     if match is None:
         raise refusal(f'has no line "# sha256 of the mesh: ...", which says what it was made of; {again}')
@@ -167,7 +167,7 @@ def _parsed(text: str, refusal: Any) -> list[Piece]:
             raise refusal(f"line {number} is {quoted(line)}, which no OBJ file has") from error
     groups = [group for group in groups if group]
     if not 1 <= len(groups) <= MOST_PIECES:
-        raise refusal(f"has {len(groups)} pieces, allowed is 1 to {MOST_PIECES}")
+        raise refusal(f"has {len(groups)} pieces, must be 1 to {MOST_PIECES}")
     points, pieces = np.array(vertices), []
     for group in groups:
         used, faces = np.unique(np.array(group), return_inverse=True)

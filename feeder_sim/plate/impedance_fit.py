@@ -88,10 +88,10 @@ def read_sweep(path: Path) -> Sweep:
     """
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise InputError(f"has more than {MOST_BYTES // 1_000_000} MB, allowed is less", file=path)
+            raise InputError(f"has more than {MOST_BYTES // 1_000_000} MB, must be less", file=path)
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError("cannot be read, allowed is a text file with commas", file=path) from error
+        raise InputError("cannot be read, must be a text file with commas", file=path) from error
     check_commas(text, path)
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     rows = csv.DictReader(lines, skipinitialspace=True)
@@ -100,28 +100,26 @@ def read_sweep(path: Path) -> Sweep:
     columns = ["frequency_hz", *(["resistance_ohm"] if "resistance_ohm" in names else COLUMNS[1:])]
     if missing := [name for name in columns if name not in names]:
         raise InputError(
-            f"has no column {missing[0]}, allowed are frequency_hz and resistance_ohm, or impedance_ohm and phase_deg",
+            f"has no column {missing[0]}, must be frequency_hz and resistance_ohm, or impedance_ohm and phase_deg",
             file=path,
         )
     table = np.array([[_number(row[name], name, i, path) for name in columns] for i, row in enumerate(rows)])
     if not LEAST_POINTS <= len(table) <= MOST_POINTS:
-        raise InputError(f"has {len(table)} rows, allowed are {LEAST_POINTS} to {MOST_POINTS}", file=path)
+        raise InputError(f"has {len(table)} rows, must be {LEAST_POINTS} to {MOST_POINTS}", file=path)
     frequency = table[:, 0]
     if frequency[0] <= 0.0 or (np.diff(frequency) <= 0.0).any():
         at = 0 if frequency[0] <= 0.0 else int(np.argmax(np.diff(frequency) <= 0.0)) + 1
-        raise InputError(
-            f"goes to {frequency[at]:g} in row {at + 1}, allowed are rising ones", file=path, key=columns[0]
-        )
+        raise InputError(f"goes to {frequency[at]:g} in row {at + 1}, must be rising ones", file=path, key=columns[0])
     capacitance, resistance = None, table[:, 1]
     if len(columns) == 3:
         impedance = table[:, 1] * np.exp(1j * np.radians(table[:, 2]))
         resistance = impedance.real
         capacitance = float(np.median(-1.0 / (2.0 * math.pi * frequency * impedance.imag)))
         if capacitance <= 0.0:
-            raise InputError("is above 0, allowed is that of a capacitance, below 0", file=path, key="phase_deg")
+            raise InputError("is above 0, must be that of a capacitance, below 0", file=path, key="phase_deg")
     if (resistance <= 0.0).any():
         at = int(np.argmax(resistance <= 0.0))
-        raise InputError(f"makes a resistance of {resistance[at]:.3g} in row {at + 1}, allowed is above 0", file=path)
+        raise InputError(f"makes a resistance of {resistance[at]:.3g} in row {at + 1}, must be above 0", file=path)
     return Sweep(frequency, resistance, capacitance)
 
 
@@ -131,7 +129,7 @@ def _number(text: str | None, name: str, row: int, path: Path) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f"is {(text or '')[:20]!r} in row {row + 1}, allowed is a number", file=path, key=name)
+        raise InputError(f"is {(text or '')[:20]!r} in row {row + 1}, must be a number", file=path, key=name)
     return value
 
 
@@ -154,7 +152,7 @@ def fit_sweep(sweep: Sweep, capacitance: float) -> SweepFit:
     noise = 1.4826 * float(np.median(np.abs(np.diff(dissipated, 2)))) / math.sqrt(6.0)
     places, _ = find_peaks(dissipated, prominence=max(STANDS_OUT * noise, math.log1p(LEAST_RISE)))
     if not len(places):
-        raise InputError("has no maximum that stands out of its noise, allowed is a sweep over resonances")
+        raise InputError("has no maximum that stands out of its noise, must be a sweep over resonances")
     loss = float(np.exp(np.quantile(dissipated, 0.2)))
     above = np.maximum(np.exp(dissipated) - loss, 1e-3 * loss)
     left, right = (np.interp(ends, np.arange(len(omega)), sweep.frequency) for ends in peak_widths(above, places)[2:])
@@ -162,7 +160,7 @@ def fit_sweep(sweep: Sweep, capacitance: float) -> SweepFit:
         across = int(((sweep.frequency >= low) & (sweep.frequency <= high)).sum())
         if across < LEAST_ACROSS:
             raise InputError(
-                f"has {across} points across the maximum at {sweep.frequency[place]:g} Hz, allowed are steps of "
+                f"has {across} points across the maximum at {sweep.frequency[place]:g} Hz, must be steps of "
                 f"{(high - low) / LEAST_ACROSS:.2g} Hz or less there"
             )
     natural, damping = sweep.frequency[places], 0.5 * (right - left) / sweep.frequency[places]
@@ -193,7 +191,7 @@ def fit_sweep(sweep: Sweep, capacitance: float) -> SweepFit:
         if local > max(UNLIKE_ONE * noise, TOO_UNLIKE):
             raise InputError(
                 f"departs by {local:.1%} from one resonance about the maximum at {f:.6g} Hz, with a noise of "
-                f"{noise:.1%}; allowed are maxima of one resonance each, without gaps"
+                f"{noise:.1%}; must be maxima of one resonance each, without gaps"
             )
     rows = zip(fitted, natural * damping * error_of_shift, np.exp(zeta), np.exp(zeta) * error_of_zeta, strict=True)
     resonances = sorted((FittedResonance(*map(float, row)) for row in rows), key=lambda row: row.frequency)

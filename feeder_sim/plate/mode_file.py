@@ -106,7 +106,7 @@ def read_actuators(file: Any, path: Path) -> tuple[tuple[Actuator, ...], NDArray
         key, shape = f"actuators/{name_of}", (len(names), width) if width else (len(names),)
         values = np.asarray(file[key][()]) if key in file else np.empty(0)
         if values.dtype.kind != "f" or values.shape != shape:
-            raise InputError(f"has shape {values.shape}, allowed are numbers of shape {shape}", file=path, key=key)
+            raise InputError(f"has shape {values.shape}, must be numbers of shape {shape}", file=path, key=key)
         if not ((values >= least) & (values <= largest)).all():
             raise InputError(f"holds a number outside {least:g} to {largest:g}", file=path, key=key)
         data[name_of] = values.tolist()
@@ -158,18 +158,18 @@ def read_outline(file: Any, name: str, size: tuple[float, float], path: Path) ->
     try:
         points, rings = np.asarray(file[name]["point"][()]), np.asarray(file[name]["ring"][()])
     except (KeyError, TypeError, AttributeError, ValueError, IndexError) as error:
-        raise InputError("is unreadable, allowed are the datasets point and ring", file=path, key=name) from error
+        raise InputError("is unreadable, must be the datasets point and ring", file=path, key=name) from error
     if points.dtype.kind != "f" or points.shape != (len(rings), 2) or rings.dtype.kind not in "iu" or rings.ndim != 1:
         raise InputError(
-            f"holds arrays of shapes {points.shape} and {rings.shape}, allowed are (n, 2) numbers and (n,) whole ones",
+            f"holds arrays of shapes {points.shape} and {rings.shape}, must be (n, 2) numbers and (n,) whole ones",
             file=path,
             key=name,
         )
     if not 3 <= len(points) <= MOST_POINTS or not (np.abs(points) <= 1e6).all():
-        raise InputError(f"holds {len(points)} points, allowed are 3 to {MOST_POINTS} finite ones", file=path, key=name)
+        raise InputError(f"holds {len(points)} points, must be 3 to {MOST_POINTS} finite ones", file=path, key=name)
     steps = np.diff(rings)
     if rings[0] != 0 or ((steps != 0) & (steps != 1)).any():
-        raise InputError("numbers its polygons wrongly, allowed is 0, 0, ..., 1, 1, ...", file=path, key=f"{name}/ring")
+        raise InputError("numbers its polygons wrongly, must be 0, 0, ..., 1, 1, ...", file=path, key=f"{name}/ring")
     try:
         outline = checked_outline([points[rings == i] for i in range(int(rings[-1]) + 1)])
     except ValueError as error:
@@ -178,7 +178,7 @@ def read_outline(file: Any, name: str, size: tuple[float, float], path: Path) ->
     off = np.abs(np.concatenate([outline.exterior.max(axis=0) - half, outline.exterior.min(axis=0) + half]))
     if off.max() > SIZE_TOLERANCE * max(size):
         raise InputError(
-            f"reaches {1e3 * off.max():.3g} mm beyond the plate's length and width or falls short of them, allowed is "
+            f"reaches {1e3 * off.max():.3g} mm beyond the plate's length and width or falls short of them, must be "
             "what they bound",
             file=path,
             key=name,
@@ -342,12 +342,12 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     schema, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
     if version is not None and (not np.isscalar(version) or version != SCHEMA_VERSION):
         raise InputError(
-            f"is {version}, allowed is {SCHEMA_VERSION}; make it with 'feeder-sim modes PLATE.toml --out FILE'",
+            f"is {version}, must be {SCHEMA_VERSION}; make it with 'feeder-sim modes PLATE.toml --out FILE'",
             file=path,
             key="schema_version",
         )
     if schema != SCHEMA or version is None:
-        raise InputError(f"is {schema!r}, allowed is a mode file ({SCHEMA!r})", file=path, key="schema")
+        raise InputError(f"is {schema!r}, must be a mode file ({SCHEMA!r})", file=path, key="schema")
     values = {name: _number(file, name, path) for name in _PLATE_KEYS}
     orthotropic = {name: _number(file, name, path) for name in _ORTHOTROPIC_KEYS if name in file["plate"].attrs}
     material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"], **orthotropic)
@@ -375,7 +375,7 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
         shapes |= {"mesh/point": (len(data["mesh/point"]), 2), "mesh/triangle": (len(data["mesh/triangle"]), 3)}
     for name, shape in shapes.items():
         if data[name].shape != shape:
-            raise InputError(f"has shape {data[name].shape}, allowed is {shape}", file=path, key=name)
+            raise InputError(f"has shape {data[name].shape}, must be {shape}", file=path, key=name)
     frequency = data["modes/natural_frequency"]
     if n == 0 or (np.diff(frequency) < -1e-3 * frequency[:-1]).any():
         raise InputError("must hold modes in ascending order", file=path, key="modes/natural_frequency")
@@ -383,9 +383,9 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     if not np.abs(data[field_key][:, 0]).reshape(n, -1).max(axis=1, initial=0.0).all():
         raise InputError("holds a mode without deflection", file=path, key=field_key)
     if len(np.unique(data["resonances/mode"])) < m:
-        raise InputError("names a mode twice, allowed is one resonance of each mode", file=path, key="resonances/mode")
+        raise InputError("names a mode twice, must be one resonance of each mode", file=path, key="resonances/mode")
     if (data["resonances/mode"] >= n).any():
-        raise InputError(f"names a mode that is not there, allowed is below {n}", file=path, key="resonances/mode")
+        raise InputError(f"names a mode that is not there, must be below {n}", file=path, key="resonances/mode")
     outline = read_outline(file, "outline", (plate.length, plate.width), path)
     parity = data["modes/parity"].astype(np.int64)
     mass = data["modes/modal_mass"]
@@ -414,7 +414,7 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     resonances = tuple(Resonance(mode, f, z, g, (p[0], p[1]), names) for mode, f, z, g, p, names in rows)
     if force.shape != (n, len(actuators)):
         raise InputError(
-            f"has shape {force.shape}, allowed is {(n, len(actuators))}", file=path, key="actuators/force_per_volt"
+            f"has shape {force.shape}, must be {(n, len(actuators))}", file=path, key="actuators/force_per_volt"
         )
     return ModeFile(modes, resonances, actuators, force, _origin(file, path), data.get(DAMPING))
 
@@ -427,7 +427,7 @@ def _checked_triangles(data: dict[str, NDArray[Any]], path: Path) -> NDArray[np.
     """
     points, triangles = data["mesh/point"], data["mesh/triangle"].astype(np.int64)
     if not len(triangles) or triangles.max() >= len(points):
-        raise InputError(f"names a point that is not there, allowed is below {len(points)}", file=path, key="mesh")
+        raise InputError(f"names a point that is not there, must be below {len(points)}", file=path, key="mesh")
     a, b, c = (points[triangles[:, k]] for k in range(3))
     if not ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) > (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])).all():
         raise InputError("has a triangle without area, or clockwise", file=path, key="mesh/triangle")
@@ -442,7 +442,7 @@ def _origin(file: h5py.File, path: Path) -> Origin | None:
     if name is None and shift is None:
         return None
     if name is None or np.shape(shift) != (2,) or not (np.abs(np.asarray(shift, float)) <= 1e6).all():
-        raise InputError("is damaged, allowed is a name, with a shift of two numbers", file=path, key="imported_from")
+        raise InputError("is damaged, must be a name, with a shift of two numbers", file=path, key="imported_from")
     return Origin(name, (float(shift[0]), float(shift[1])))
 
 
@@ -474,9 +474,9 @@ def _number(file: h5py.File, name: str, path: Path) -> float:
     value: Any = file["plate"].attrs.get(name) if "plate" in file else None
     largest = 0.5 if name == "poisson_ratio" else 1e15
     if not isinstance(value, float | int | np.number) or not 0.0 <= float(value) <= largest:
-        raise InputError(f"is {value!r}, allowed is a number up to {largest:g}", file=path, key=f"plate.{name}")
+        raise InputError(f"is {value!r}, must be a number up to {largest:g}", file=path, key=f"plate.{name}")
     if value == 0.0 and name != "poisson_ratio":
-        raise InputError("is 0, allowed is a number above 0", file=path, key=f"plate.{name}")
+        raise InputError("is 0, must be a number above 0", file=path, key=f"plate.{name}")
     return float(value)
 
 
@@ -489,7 +489,7 @@ def _array(file: h5py.File, name: str, path: Path) -> NDArray[Any]:
         raise InputError("is missing or unreadable, every mode file has it", file=path, key=name) from error
     if values.dtype.kind not in kinds or values.ndim != dimensions:
         allowed = f"{dimensions}-dimensional array of {'whole ' if 'i' in kinds else ''}numbers"
-        raise InputError(f"is a {values.ndim}-dimensional {values.dtype}, allowed is a {allowed}", file=path, key=name)
+        raise InputError(f"is a {values.ndim}-dimensional {values.dtype}, must be a {allowed}", file=path, key=name)
     valid = (values >= least) & (values <= largest)
     if not (valid | np.isnan(values) if nan_allowed else valid).all():
         raise InputError(f"holds a number outside {least:g} to {largest:g}", file=path, key=name)

@@ -140,26 +140,26 @@ def checked_outline(rings: Sequence[NDArray[np.float64]]) -> Outline:
             ring = ring[:-1]
         ring = ring[(ring != np.roll(ring, 1, axis=0)).any(axis=1)]
         if len(ring) < 3:
-            raise ValueError(f"{name} has {len(ring)} different corners, allowed are at least 3")
+            raise ValueError(f"{name} has {len(ring)} different corners, must be at least 3")
         if not np.isfinite(ring).all():
-            raise ValueError(f"{name} has a corner that is no number, allowed are numbers")
+            raise ValueError(f"{name} has a corner that is no number, must be numbers")
         polygon = shapely.Polygon(ring)
         if not polygon.is_valid:
             where = shapely.is_valid_reason(polygon)
-            raise ValueError(f"{name} crosses itself ({_in_mm(where)}), allowed is a simple polygon")
+            raise ValueError(f"{name} crosses itself ({_in_mm(where)}), must be a simple polygon")
         if polygon.area < LEAST_AREA:
-            raise ValueError(f"{name} has no area, allowed is a polygon with one")
+            raise ValueError(f"{name} has no area, must be a polygon with one")
         cleaned.append(ring)
     if sum(map(len, cleaned)) > MOST_POINTS:
-        raise ValueError(f"has {sum(map(len, cleaned))} corners, allowed are up to {MOST_POINTS}")
+        raise ValueError(f"has {sum(map(len, cleaned))} corners, must be up to {MOST_POINTS}")
     outer = shapely.Polygon(cleaned[0])
     holes = [shapely.Polygon(ring) for ring in cleaned[1:]]
     for i, hole in enumerate(holes):
         if not outer.contains_properly(hole):
-            raise ValueError(f"{names[i + 1]} is not within the outer edge, allowed is a hole that does not touch it")
+            raise ValueError(f"{names[i + 1]} is not within the outer edge, must be a hole that does not touch it")
         for j in range(i):
             if hole.intersects(holes[j]):
-                raise ValueError(f"{names[i + 1]} meets hole {j + 1}, allowed are holes apart from each other")
+                raise ValueError(f"{names[i + 1]} meets hole {j + 1}, must be holes apart from each other")
     return Outline(cleaned[0], tuple(cleaned[1:]))
 
 

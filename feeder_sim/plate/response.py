@@ -213,7 +213,7 @@ def modal_forces(mode_file: ModeFile) -> NDArray[np.float64]:
         volt = voltages(mode_file, resonance.actuators, 0.5, [0.0] * len(resonance.actuators))
         if abs(force[j] @ volt) <= NO_FORCE * np.abs(force).max() * np.abs(volt).sum():
             raise InputError(
-                f"is {', '.join(resonance.actuators)}, which by its place does not drive mode {j + 1}, allowed are "
+                f"is {', '.join(resonance.actuators)}, which by its place does not drive mode {j + 1}, must be "
                 "actuators that do",
                 key="resonance.actuator",
             )

@@ -165,7 +165,7 @@ def tabulate(
     spacing = wavelength / POINTS_PER_WAVELENGTH
     if len(shapes) * (length / spacing + 4.0) * (4.0 if uniform_y else width / spacing + 4.0) > MAX_GRID_POINTS:
         raise InputError(
-            f"of {1e3 * length:g} x {1e3 * width:g} mm is too large for waves of {1e3 * wavelength:g} mm, allowed are "
+            f"of {1e3 * length:g} x {1e3 * width:g} mm is too large for waves of {1e3 * wavelength:g} mm, must be "
             f"{MAX_GRID_POINTS} grid points at {POINTS_PER_WAVELENGTH} per wavelength",
             key="plate",
         )

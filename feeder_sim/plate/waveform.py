@@ -73,9 +73,9 @@ def read_waveform(text: str, path: Path, arm: float) -> Waveform:
     rows = [row for row in csv.reader(io.StringIO(text), skipinitialspace=True) if row and not row[0].startswith("#")]
     names = [name.strip() for name in rows[0]] if rows else []
     if not names or names[0] != "t_ms" or not set(names[1:]) <= set(COLUMNS) or not 1 < len(names) == len(set(names)):
-        raise InputError(f"begins with {', '.join(names)!r:.80}, allowed is t_ms and {', '.join(COLUMNS)}", file=path)
+        raise InputError(f"begins with {', '.join(names)!r:.80}, must be t_ms and {', '.join(COLUMNS)}", file=path)
     if not FEWEST_LINES <= len(rows) - 1 <= MOST_LINES:
-        raise InputError(f"has {len(rows) - 1} lines, allowed are {FEWEST_LINES} to {MOST_LINES}", file=path)
+        raise InputError(f"has {len(rows) - 1} lines, must be {FEWEST_LINES} to {MOST_LINES}", file=path)
     table = np.empty((len(rows) - 1, len(names)))
     for number, row in enumerate(rows[1:]):
         try:
@@ -83,10 +83,10 @@ def read_waveform(text: str, path: Path, arm: float) -> Waveform:
         except ValueError:
             table[number] = math.nan
         if not (np.abs(table[number]) <= LARGEST).all():
-            raise InputError(f"line {number + 2}: is {','.join(row):.60}, allowed are {len(names)} numbers", file=path)
+            raise InputError(f"line {number + 2}: is {','.join(row):.60}, must be {len(names)} numbers", file=path)
     steps = np.diff(table[:, 0])
     if table[0, 0] != 0.0 or steps[0] <= 0.0 or (np.abs(steps / steps[0] - 1.0) > EVEN).any():
-        raise InputError("has uneven times, allowed are times that begin at 0 and are evenly spaced", file=path)
+        raise InputError("has uneven times, must be times that begin at 0 and are evenly spaced", file=path)
     values = np.zeros((len(table), len(COLUMNS)))
     for name, column in zip(names[1:], table.T[1:], strict=True):
         values[:, COLUMNS.index(name)] = column * TO_SI[COLUMNS.index(name)]

@@ -49,7 +49,7 @@ def restitution(inelasticity: float) -> float:
     from scipy.integrate import solve_ivp
 
     if inelasticity < 0.0:
-        raise ValueError(f"inelasticity is {inelasticity}, allowed is at least 0")
+        raise ValueError(f"inelasticity is {inelasticity}, must be at least 0")
     if inelasticity > LARGE:
         return LARGE_FACTOR * inelasticity**-5
 
@@ -90,7 +90,7 @@ def plane_modulus(material: Material) -> float:
         InputError: an orthotropic material, for which contact and plate have no one modulus.
     """
     if not material.isotropic:
-        raise InputError('is "zener", allowed is a number for an orthotropic material', key="contact.restitution")
+        raise InputError('is "zener", must be a number for an orthotropic material', key="contact.restitution")
     return material.youngs_modulus / (1.0 - material.poisson_ratio**2)
 
 

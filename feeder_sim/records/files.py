@@ -61,7 +61,7 @@ def check_no_links(folder: Path) -> None:
     for name in (RUN, LOCK, INPUTS, *OWN, *(f"{pattern}.*" for pattern in OWN), f"{INPUTS}/*"):
         for path in sorted(folder.glob(name)):
             if path.is_symlink():
-                raise InputError("is a link, allowed is a file of the run itself", file=path)
+                raise InputError("is a link, must be a file of the run itself", file=path)
 
 
 @contextmanager
@@ -90,13 +90,13 @@ def holding(path: Path, wait_s: float = 0.0) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     if path.is_symlink():
-        raise InputError("is a link, allowed is a file of the folder itself", file=path)
+        raise InputError("is a link, must be a file of the folder itself", file=path)
     # A lock that lies in the file would outlive its process.
     lock = FileLock(path, timeout=wait_s, fallback_to_soft=False)
     try:
         lock.acquire()
     except Timeout:
-        problem = "is in use, allowed is one process that writes into it at a time"
+        problem = "is in use, must be one process that writes into it at a time"
         raise InputError(problem, file=path.parent) from None
     except NotImplementedError:
         pass  # on a file system without locks it is better to work without one than not at all

@@ -74,10 +74,10 @@ def _recording(path: Path, file: Any) -> Recording:
     check_trusted(file, path)
     schema, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
     if version is not None and version != SCHEMA_VERSION:  # first: the text of version 1 is not to be read
-        message = f"is {version}, allowed is {SCHEMA_VERSION}: its scenario has to be run again"
+        message = f"is {version}, must be {SCHEMA_VERSION}: its scenario has to be run again"
         raise InputError(message, file=path, key="schema_version")
     if schema != SCHEMA or version is None:
-        raise InputError(f"is {schema!r}, allowed is a trajectory ({SCHEMA!r})", file=path, key="schema")
+        raise InputError(f"is {schema!r}, must be a trajectory ({SCHEMA!r})", file=path, key="schema")
     groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"], key=int)]
     return Recording(
         path=path,
@@ -112,7 +112,7 @@ def trajectory_of(run: Path) -> Path:
     check_no_links(run)
     trajectory = run / TRAJECTORY
     if not trajectory.is_file():
-        raise InputError(f"no run here, allowed is a folder that holds {TRAJECTORY}", file=run)
+        raise InputError(f"no run here, must be a folder that holds {TRAJECTORY}", file=run)
     return trajectory
 
 

@@ -131,7 +131,7 @@ def check_seed(recording: Recording, shown_seed: int) -> None:
     """Refuse a seed that there is not, or nothing of it."""
     if not 0 <= shown_seed < len(recording.seeds):
         raise InputError(
-            f"is {shown_seed}, allowed is 0 to {len(recording.seeds) - 1}", file=recording.path, key="--show-seed"
+            f"is {shown_seed}, must be 0 to {len(recording.seeds) - 1}", file=recording.path, key="--show-seed"
         )
     if not len(recording.seeds[shown_seed]):
         raise InputError(f"seed {shown_seed} has no frames yet", file=recording.path)

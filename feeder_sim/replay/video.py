@@ -102,21 +102,21 @@ def film_of(
     begin, end = 0.0 if begin is None else begin, last if end is None else end
     if not 0.0 <= begin < end <= last:
         problem = (
-            f"are {begin:g} and {end:g}, allowed is 0 <= --from < --to <= {last:g}, which seed {seed} is recorded for"
+            f"are {begin:g} and {end:g}, must be 0 <= --from < --to <= {last:g}, which seed {seed} is recorded for"
         )
         raise InputError(problem, file=run, key="--from, --to")
     if speed is None:
         speed = max(1.0, (end - begin) / LONGEST_S)
     if not 1e-6 <= speed <= 1e6:
-        raise InputError(f"is {speed:g}, allowed is 1e-6 to 1e6", key="--speed")
+        raise InputError(f"is {speed:g}, must be 1e-6 to 1e6", key="--speed")
     if not 1.0 <= fps <= 240.0:
-        raise InputError(f"is {fps:g}, allowed is 1 to 240", key="--fps")
+        raise InputError(f"is {fps:g}, must be 1 to 240", key="--fps")
     if not all(SMALLEST <= side <= LARGEST and side % 2 == 0 for side in size):
-        problem = f"is {size[0]}x{size[1]}, allowed are even numbers from {SMALLEST} to {LARGEST}"
+        problem = f"is {size[0]}x{size[1]}, must be even numbers from {SMALLEST} to {LARGEST}"
         raise InputError(problem, key="--size")
     frames = (end - begin) / speed * fps
     if frames > MOST_FRAMES:
-        raise InputError(f"makes a film of {frames:.0f} frames, allowed are up to {MOST_FRAMES}", key="--speed, --fps")
+        raise InputError(f"makes a film of {frames:.0f} frames, must be up to {MOST_FRAMES}", key="--speed, --fps")
     return Film(SLOW if slow else TIMELINE, begin, end, speed, fps, size)
 
 

@@ -63,7 +63,7 @@ def time_shown(run: Path, at: float | None, *, seed: int = 0, slow: bool = False
     if not at <= end:
         slowed = f", {ends[SLOW]:g} s in slow motion" if SLOW in ends else ""
         raise InputError(
-            f"is {at:g}, allowed is 0 to {end:g}: seed {seed} is recorded for {ends[TIMELINE]:g} s{slowed}",
+            f"is {at:g}, must be 0 to {end:g}: seed {seed} is recorded for {ends[TIMELINE]:g} s{slowed}",
             file=run,
             key="--at",
         )

@@ -122,5 +122,5 @@ def document_of(
         return study_document(path)
     if not (path / TRAJECTORY).is_file() and not (path.suffix == ".h5" and path.is_file()):
         allowed = f"a folder that holds {', '.join((TRAJECTORY, *(kind.file for kind in KINDS.values())))}"
-        raise InputError(f"is no run and no question of many runs, allowed is {allowed}", file=path)
+        raise InputError(f"is no run and no question of many runs, must be {allowed}", file=path)
     return run_document(path, with_screenshot=screenshot, with_replay=replay, progress=progress, notify=notify)

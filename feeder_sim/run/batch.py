@@ -122,7 +122,7 @@ def check_drifting(prepared: Prepared) -> None:
         InputError: the scenario has a schedule.
     """
     if not Drift().applies(prepared):
-        raise InputError("is given, allowed is none where drifts are measured", key="schedule")
+        raise InputError("is given, must be none where drifts are measured", key="schedule")
 
 
 class _RunningEnsemble:

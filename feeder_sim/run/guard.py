@@ -124,7 +124,7 @@ class Guard:
             detail = f"its energy of {energy:.2g} J exceeds {most:.2g} J, more than this plate can give"
         elif violation == TOO_DEEP:
             depth, allowed = 1e6 * value[DEPTH], 1e6 * value[ALLOWED]
-            detail = f"a corner lies {depth:.1f} um below the plate's surface, allowed are {allowed:.1f} um"
+            detail = f"a corner lies {depth:.1f} um below the plate's surface, must be {allowed:.1f} um"
         failure = SimulationDiverged(
             DIVERGENCES[violation],
             time_s=float(frames.time[valid]),

@@ -35,7 +35,7 @@ class EveryNth:
 
     def __post_init__(self) -> None:
         if not isinstance(self.n, int) or isinstance(self.n, bool) or self.n < 1:
-            raise InputError(f"is {quoted(self.n)}, allowed is a whole number of at least 1", key="EveryNth(n)")
+            raise InputError(f"is {quoted(self.n)}, must be a whole number of at least 1", key="EveryNth(n)")
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ def check_retention(prepared: Prepared, retention: Retention) -> None:
     """
     if not isinstance(retention, Retention):
         allowed = "AllFrames(), EveryNth(n), ImpactsOnly(), StatisticsOnly()"
-        raise InputError(f"is {quoted(retention)}, allowed are {allowed}", key="record")
+        raise InputError(f"is {quoted(retention)}, must be {allowed}", key="record")
     if isinstance(retention, ImpactsOnly) and prepared.scene.guides[0] is None:
-        problem = "is ImpactsOnly(), allowed is another choice: impacts are recorded of a part in a guide alone"
+        problem = "is ImpactsOnly(), must be another choice: impacts are recorded of a part in a guide alone"
         raise InputError(problem, key="record")
 
 

@@ -146,13 +146,13 @@ def check_empty(folder: Path) -> None:
         InputError: as said.
     """
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
-        raise InputError("is there already, allowed is a new or an empty folder", file=folder)
+        raise InputError("is there already, must be a new or an empty folder", file=folder)
     if folder.exists():
         name = min((path.name for path in folder.iterdir()), default=None)
         if name is not None:
-            raise InputError(f"is not empty ({shortened(name, 40)}), allowed is a new or an empty folder", file=folder)
+            raise InputError(f"is not empty ({shortened(name, 40)}), must be a new or an empty folder", file=folder)
     elif not folder.parent.is_dir():
-        raise InputError("allowed is a new folder in one that exists", file=folder)
+        raise InputError("must be a new folder in one that exists", file=folder)
 
 
 def _starter() -> dict[str, bytes]:
@@ -162,7 +162,7 @@ def _starter() -> dict[str, bytes]:
 
     source = starter_folder()
     if source is None:
-        raise InputError("has been installed without its examples, allowed is --from with a scenario", key="feeder_sim")
+        raise InputError("has been installed without its examples, must be --from with a scenario", key="feeder_sim")
     with tempfile.TemporaryDirectory() as place:
         modes = Path(place) / MODES
         write_mode_file(modes, compute_modes(load_plate_file(source / PLATE)))

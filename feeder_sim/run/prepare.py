@@ -49,26 +49,26 @@ def check_plausible(scene: Scene) -> None:
     together = largest_together(scene.times, scene.all_drives)
     if together > surface.thickness and scenario.plate.kind != "tray":
         raise InputError(
-            f"adds up to {1e6 * together:.4g} um of drives that act at once, allowed is up to the plate's thickness, "
+            f"adds up to {1e6 * together:.4g} um of drives that act at once, must be up to the plate's thickness, "
             f"{1e6 * surface.thickness:g} um",
             key=f"{keys[0]}, ...",
         )
     speed = largest_together(scene.times, scene.all_drives, speeds=True)
     if speed > FASTEST:
         raise InputError(
-            f"moves the surface at {speed:.3g} m/s, allowed is up to {FASTEST:g} m/s with all drives", key=keys[0]
+            f"moves the surface at {speed:.3g} m/s, must be up to {FASTEST:g} m/s with all drives", key=keys[0]
         )
     for i, drive in enumerate(scenario.drive):
         if drive.start_s >= scene.times.duration:
             raise InputError(
-                f"is {drive.start_s:g}, allowed is before the end of the run at {scene.times.duration:g} s",
+                f"is {drive.start_s:g}, must be before the end of the run at {scene.times.duration:g} s",
                 key=f"drive[{i}].start_s",
             )
     longer = max(surface.length, surface.width)
     for i, (spec, kind) in enumerate(zip(scenario.part, scene.kinds, strict=True)):
         if spec.guide is None and kind.longest > longer:  # a guided part stands on the plate
             raise InputError(
-                f"is {1e3 * kind.longest:.4g} mm long, allowed is up to the plate's longer side, {1e3 * longer:.4g} mm",
+                f"is {1e3 * kind.longest:.4g} mm long, must be up to the plate's longer side, {1e3 * longer:.4g} mm",
                 key=f"part[{i}]",
             )
 

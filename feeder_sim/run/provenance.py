@@ -128,4 +128,4 @@ def _different(then: dict[str, str], now: dict[str, str]) -> list[str]:
 
 def _refuse(changed: list[str], folder: Path, problem: str, key: str | None) -> None:
     if changed:
-        raise InputError(f"{problem} {changed[0]}, allowed is the same one", file=folder, key=key)
+        raise InputError(f"{problem} {changed[0]}, must be the same one", file=folder, key=key)

@@ -223,7 +223,7 @@ def resume_run(
     """
     folder = Path(folder)
     if not (folder / RUN).is_file() and not (folder / TRAJECTORY).is_file():  # the second alone: an older one
-        raise InputError(f"no run here, allowed is a folder that holds {RUN}", file=folder, key="--resume")
+        raise InputError(f"no run here, must be a folder that holds {RUN}", file=folder, key="--resume")
     how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
     how |= {"stall_after": stall_after, "workers": workers, "executor": executor}
     with locked(folder):
@@ -262,7 +262,7 @@ def _started_scenario(folder: Path) -> Scenario:
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError("is not the readable begin of a run", file=path) from error
     if version != FORMAT:
-        raise InputError(f"is {shortened(repr(version), 20)}, allowed is {FORMAT}", file=path, key="format")
+        raise InputError(f"is {shortened(repr(version), 20)}, must be {FORMAT}", file=path, key="format")
     return parse_scenario(text, file=path)
 
 
@@ -342,10 +342,10 @@ def check_free(folder: Path) -> None:
         {path.name for path in folder.iterdir()} - {LOCK, partial_of(folder / RUN).name} if folder.exists() else set()
     )
     if names & {RUN, TRAJECTORY}:
-        raise InputError("already holds a run, allowed is a new or an empty folder", file=folder, argument="folder")
+        raise InputError("already holds a run, must be a new or an empty folder", file=folder, argument="folder")
     if names:
         name = shortened(min(names), 40)
-        raise InputError(f"is not empty ({name}), allowed is a new or an empty folder", file=folder, argument="folder")
+        raise InputError(f"is not empty ({name}), must be a new or an empty folder", file=folder, argument="folder")
 
 
 def fresh_folder(stem: str, base: Path = Path("runs")) -> Path:

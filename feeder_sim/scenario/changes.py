@@ -32,12 +32,12 @@ def path_of(key: str) -> KeyPath:
         InputError: it is not written as a key is.
     """
     if not isinstance(key, str):
-        raise InputError("is no key, allowed is for example drive[0].amplitude_um", key=repr(key))
+        raise InputError("is no key, must be for example drive[0].amplitude_um", key=repr(key))
     path: list[str | int] = []
     for element in full_key(key).split("."):
         match = _ELEMENT.fullmatch(element)
         if match is None:
-            raise InputError("is no key, allowed is for example drive[0].amplitude_um", key=key or '""')
+            raise InputError("is no key, must be for example drive[0].amplitude_um", key=key or '""')
         path += [match[1], *(int(number) for number in re.findall(r"\d+", match[2]))]
     return tuple(path)
 
@@ -50,7 +50,7 @@ def check_variable(key: str) -> None:
     """
     path = path_of(key)
     if path[0] in ("title", "uncertain") or path == ("run",) or path[:2] in (("run", "seed"), ("run", "seeds")):
-        raise InputError("is varied, allowed is a key that decides what a run does", key=key)
+        raise InputError("is varied, must be a key that decides what a run does", key=key)
 
 
 def value_at(raw: Mapping[str, Any], key: str) -> Any:
@@ -104,10 +104,10 @@ def read_changes(settings: list[str], option: str = "--set") -> dict[str, Any]:
         key, equals, text = setting.partition("=")
         key = full_key(key.strip())
         if not equals or not key:
-            raise InputError(f"is {setting!r}, allowed is KEY=VALUE", key=option)
+            raise InputError(f"is {setting!r}, must be KEY=VALUE", key=option)
         path_of(key)
         if key in changes:
-            raise InputError(f"is given twice for {key}, allowed is once", key=option)
+            raise InputError(f"is given twice for {key}, must be once", key=option)
         changes[key] = read_value(text)
     return changes
 
@@ -138,16 +138,16 @@ def _entry(value: Any, element: str | int, key: str) -> Any:
     """What a table or a list has at an element of a path."""
     if isinstance(element, int):
         if not isinstance(value, list | tuple):
-            raise InputError(f"has the number [{element}] where there is no list, allowed is none", key=key)
+            raise InputError(f"has the number [{element}] where there is no list, must be none", key=key)
         if element >= len(value):
             allowed = f"0 to {len(value) - 1}" if value else "none, the list is empty"
-            raise InputError(f"has the number [{element}], allowed is {allowed}", key=key)
+            raise InputError(f"has the number [{element}], must be {allowed}", key=key)
         return value[element]
     if not isinstance(value, Mapping) or element not in value:
         if missing := _number_missing(value, element, key):
             raise InputError(missing, key=key)
         names = list(value) if isinstance(value, Mapping) else []
-        allowed = f"; allowed are {', '.join(names)}" if names else ""
+        allowed = f"; must be {', '.join(names)}" if names else ""
         raise InputError(f"unknown key {element}{nearest(element, names)}{allowed}", key=key)
     return value[element]
 

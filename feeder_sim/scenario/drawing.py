@@ -47,7 +47,7 @@ def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     result = {key: value for key, value in data.items() if key not in ("drawing", "drawing_unit")}
     for key in ("outline", "length_mm", "width_mm"):
         if result.get(key) is not None:
-            raise InputError("is given beside a drawing, allowed is one of them", key=f"plate.{key}")
+            raise InputError("is given beside a drawing, must be one of them", key=f"plate.{key}")
     account = Account(path)
     try:
         rings, points = _read(path, data.get("drawing_unit"), account)
@@ -58,14 +58,12 @@ def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     edges = sorted(rings["outline"], key=lambda ring: -ring.area)
     if not edges:
         raise account.refusal(
-            f"has no closed ring in the layer outline, allowed is the plate's edge ({account.to_text()})"
+            f"has no closed ring in the layer outline, must be the plate's edge ({account.to_text()})"
         )
     for ring in edges[1:]:
         if not edges[0].contains(ring):
             place = place_text(ring.centroid.coords[0])
-            raise account.refusal(
-                f"has a second ring at {place} in the layer outline, allowed are the edge and its holes"
-            )
+            raise account.refusal(f"has a second ring at {place} in the layer outline, must be the edge and its holes")
     holes = each_once([*edges[1:], *rings["holes"]], account)
     check_apart("outline or holes", holes, account)
     result["outline"] = {"points_mm": _corners(edges[0])}
@@ -89,7 +87,7 @@ def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
 def _read(path: Path, unit: Any, account: Account) -> tuple[dict[str, list[Any]], list[tuple[float, float]]]:
     """Rings of every layer as shapely's polygons, and points in the layer of feet [mm]."""
     if not path.is_file() or path.stat().st_size > MOST_BYTES:
-        raise account.refusal(f"is no file of up to {MOST_BYTES // 1_000_000} MB, allowed is a DXF or SVG drawing")
+        raise account.refusal(f"is no file of up to {MOST_BYTES // 1_000_000} MB, must be a DXF or SVG drawing")
     if unit is not None and (not isinstance(unit, str) or unit not in MM):
         raise NotAllowed(unit, ", ".join(MM), key="plate.drawing_unit")
     strokes: dict[str, list[Stroke]] = {layer: [] for layer in LAYERS}
@@ -114,7 +112,7 @@ def _placed(
         return [table for table in tables if table is not unplaced[0]] + copies
     if len(unplaced) != len(places):
         raise account.refusal(
-            f"has {len(places)} in the layer {layer}, allowed are as many as there are [[{key}]] without at_mm, "
+            f"has {len(places)} in the layer {layer}, must be as many as there are [[{key}]] without at_mm, "
             f"{len(unplaced)}, or one [[{key}]] for all"
         )
     following = iter(places)
@@ -153,7 +151,7 @@ def _points_apart(
         elif math.dist(point, foot.centroid.coords[0]) <= CENTRED * math.sqrt(foot.area):
             account.ignore("centres of feet")
         else:
-            raise account.refusal(f"has a point at {place_text(point)} within a foot, allowed is one of both")
+            raise account.refusal(f"has a point at {place_text(point)} within a foot, must be one of both")
     return apart
 
 

@@ -28,7 +28,7 @@ class CustomMaterial(Table):
             raise ValueError("youngs_modulus_y_gpa and shear_modulus_gpa are allowed together only")
         if e_y is not None and self.poisson_ratio**2 * e_y >= self.youngs_modulus_gpa:
             raise ValueError(
-                f"poisson_ratio is {self.poisson_ratio:g}, allowed is below "
+                f"poisson_ratio is {self.poisson_ratio:g}, must be below "
                 f"{(self.youngs_modulus_gpa / e_y) ** 0.5:.3g}, the root of youngs_modulus_gpa / youngs_modulus_y_gpa"
             )
         return self
@@ -37,13 +37,13 @@ class CustomMaterial(Table):
 def _check_material(value: str) -> str:
     if value not in MATERIALS:
         names = ", ".join(sorted(MATERIALS))
-        raise ValueError(f"allowed is one of {names}, or a table of density_kg_m3, youngs_modulus_gpa, poisson_ratio")
+        raise ValueError(f"must be one of {names}, or a table of density_kg_m3, youngs_modulus_gpa, poisson_ratio")
     return value
 
 
 def _check_ceramic(value: str) -> str:
     if value not in CERAMICS:
-        raise ValueError(f"allowed is one of {', '.join(sorted(CERAMICS))}, and constants in place of its own")
+        raise ValueError(f"must be one of {', '.join(sorted(CERAMICS))}, and constants in place of its own")
     return value
 
 

@@ -102,7 +102,7 @@ class GivenState(Table):
     def _unit_quaternion(self) -> Self:
         length = math.hypot(*self.quaternion)
         if abs(length - 1.0) > UNIT_ERROR:
-            raise ValueError(f"quaternion has length {length:.6g}, allowed is 1")
+            raise ValueError(f"quaternion has length {length:.6g}, must be 1")
         return self
 
     @property
@@ -207,12 +207,12 @@ class PartTable(Table):
     @model_validator(mode="after")
     def _room_for_all(self) -> Self:
         if isinstance(self.start, Placed) and len(self.start.places_mm_deg) != self.count:
-            raise ValueError(f"count is {self.count}, allowed is {len(self.start.places_mm_deg)}, as many as places")
+            raise ValueError(f"count is {self.count}, must be {len(self.start.places_mm_deg)}, as many as places")
         if self.count > 1 and isinstance(self.start, Start | GivenState):
             kinds = '"scattered", "heap" or "placed"'
-            raise ValueError(f'start.kind is "{self.start.kind}", allowed is {kinds} with count = {self.count}')
+            raise ValueError(f'start.kind is "{self.start.kind}", must be {kinds} with count = {self.count}')
         if self.guide is not None and not isinstance(self.start, Start):
-            raise ValueError(f'start.kind is "{self.start.kind}", allowed is "point" for a part in a guide')
+            raise ValueError(f'start.kind is "{self.start.kind}", must be "point" for a part in a guide')
         if self.guide is not None and isinstance(self.start, Start) and any(self.start.velocity_mm_s):
             raise ValueError("start.velocity_mm_s is not 0, which a part in a guide is released with")
         return self

@@ -88,7 +88,7 @@ class Actuator(BondedLayer):
     @model_validator(mode="after")
     def _acts(self) -> Self:
         if self.moment_per_volt_n is not None and self.glue_thickness_um is not None:
-            raise ValueError("moment_per_volt_n is calibrated, allowed is that or glue_thickness_um, which it contains")
+            raise ValueError("moment_per_volt_n is calibrated, must be that or glue_thickness_um, which it contains")
         return self
 
 
@@ -112,7 +112,7 @@ def check_names(actuators: Sequence[Actuator]) -> None:
     names = [actuator.name for actuator in actuators]
     for i, name in enumerate(names):
         if name in names[:i]:
-            raise ValueError(f"actuator[{i}].name is {name!r}, allowed is a name of its own")
+            raise ValueError(f"actuator[{i}].name is {name!r}, must be a name of its own")
 
 
 class Bar(BondedLayer):
@@ -146,7 +146,7 @@ class Ring(Table):
     def _one_shape(self) -> Self:
         keys = [name for name in ("points_mm", "diameter_mm", "size_mm") if getattr(self, name) is not None]
         if len(keys) != 1:
-            raise ValueError(f"gives {' and '.join(keys) or 'no shape'}, allowed is points_mm, diameter_mm or size_mm")
+            raise ValueError(f"gives {' and '.join(keys) or 'no shape'}, must be points_mm, diameter_mm or size_mm")
         if self.points_mm is not None and self.centre_mm != (0.0, 0.0):
             raise ValueError("centre_mm belongs to diameter_mm or size_mm, points_mm says where it is by itself")
         return self
@@ -195,7 +195,7 @@ class Rectangle(Table):
         if self.mode_file is None:
             missing = [name for name, value in dimensions.items() if value is None]
             if missing:
-                raise ValueError(f"{missing[0]} is missing, allowed is a number above 0 (or give mode_file)")
+                raise ValueError(f"{missing[0]} is missing, must be a number above 0 (or give mode_file)")
         elif any(value is not None for value in (*dimensions.values(), self.material)):
             raise ValueError("mode_file already holds dimensions and material, give one or the other")
         return self
@@ -285,11 +285,11 @@ class Excitation(Table):
             raise ValueError("actuator belongs to voltage_vpp, which is missing")
         if self.actuator_phase_deg is not None and len(self.actuator_phase_deg) != len(self.actuator or ()):
             raise ValueError(
-                f"actuator_phase_deg has {len(self.actuator_phase_deg)} numbers, allowed are as many as actuators, "
+                f"actuator_phase_deg has {len(self.actuator_phase_deg)} numbers, must be as many as actuators, "
                 f"{len(self.actuator or ())}"
             )
         if self.modes not in (None, "driven") and self.voltage_vpp is None:
-            raise ValueError(f"modes is {self.modes!r}, allowed is 'driven' without voltage_vpp")
+            raise ValueError(f"modes is {self.modes!r}, must be 'driven' without voltage_vpp")
         return self
 
     @model_validator(mode="after")
@@ -332,13 +332,13 @@ class Support(Table):
     def _holds(self) -> Self:
         if (self.hold == "spring") != (self.stiffness_n_per_mm is not None):
             allowed = "a number above 0 with" if self.hold == "spring" else "none but with"
-            raise ValueError(f'stiffness_n_per_mm: allowed is {allowed} hold = "spring"')
+            raise ValueError(f'stiffness_n_per_mm: must be {allowed} hold = "spring"')
         if self.loss_factor is not None and self.hold != "spring":
-            raise ValueError(f'loss_factor is {self.loss_factor:g}, allowed is none with hold = "{self.hold}"')
+            raise ValueError(f'loss_factor is {self.loss_factor:g}, must be none with hold = "{self.hold}"')
         if sum(place is not None for place in (self.to_mm, self.diameter_mm, self.size_mm)) > 1:
-            raise ValueError("allowed is one of to_mm, diameter_mm and size_mm")
+            raise ValueError("must be one of to_mm, diameter_mm and size_mm")
         if self.to_mm == self.at_mm:
-            raise ValueError("to_mm is at_mm, allowed is another point")
+            raise ValueError("to_mm is at_mm, must be another point")
         return self
 
 
@@ -374,10 +374,10 @@ class PlateShape(Table):
         sides = {"length_mm": self.length_mm, "width_mm": self.width_mm}
         side_keys = [name for name, side in sides.items() if side is not None]
         if self.outline is not None and side_keys:
-            raise ValueError(f"{side_keys[0]} is {sides[side_keys[0]]:g}, allowed is none with an outline")
+            raise ValueError(f"{side_keys[0]} is {sides[side_keys[0]]:g}, must be none with an outline")
         if self.outline is None and len(side_keys) < len(sides):
             missing = next(name for name in sides if name not in side_keys)
-            raise ValueError(f"{missing} is missing, allowed is a number above 0 (or give outline)")
+            raise ValueError(f"{missing} is missing, must be a number above 0 (or give outline)")
         return self
 
     @property
@@ -422,7 +422,7 @@ class OnPlate(Table):
             for name in resonance.actuator:
                 if name not in names:
                     allowed = ", ".join(names) or "none"
-                    raise ValueError(f"resonance[{i}].actuator is {name!r}, allowed are the actuators: {allowed}")
+                    raise ValueError(f"resonance[{i}].actuator is {name!r}, must be the actuators: {allowed}")
         return self
 
 
@@ -446,7 +446,7 @@ class PlateFile(OnPlate):
     @model_validator(mode="after")
     def _go_together(self) -> Self:
         if self.plate.uniform_width and (self.actuator or self.bar or self.mass or self.by_elements):
-            raise ValueError("plate.uniform_width is true, allowed is false but with a plain rectangle")
+            raise ValueError("plate.uniform_width is true, must be false but with a plain rectangle")
         if self.plate.damping_ratio is None and any(support.loss_factor is not None for support in self.support):
             raise ValueError("plate.damping_ratio is missing, allowed with a loss_factor is a number: both add up")
         return self

@@ -46,10 +46,10 @@ def complaints(scenario: Scenario, level: Level, *, engine: str = "") -> Iterato
     if engine in extensions.names_of("engines"):
         engine_rules = getattr(extensions.find("engines", engine), "rules", {})
     for rule in (*RULES[level], *engine_rules.get(level, ())):
-        yield from lines_of(scenario, rule, ": " if level == "misleading" else ", allowed is ")
+        yield from lines_of(scenario, rule, ": " if level == "misleading" else ", must be ")
 
 
-def lines_of(scenario: Scenario, rule: Rule, between: str = ", allowed is ") -> Iterator[str]:
+def lines_of(scenario: Scenario, rule: Rule, between: str = ", must be ") -> Iterator[str]:
     """What a scenario breaks of one rule: key, value and what the rule says, a line each."""
     for broken in rule(scenario):
         if isinstance(broken, str):
@@ -85,7 +85,7 @@ def _tables(s: Scenario) -> Broken:
     if not still and bool(s.drive) == (s.schedule is not None):
         yield 'exactly one of [[drive]] and [schedule] is needed, none of them with plate.kind = "still"'
     if s.n_parts > MAX_PARTS:
-        yield f"part.count adds up to {s.n_parts}, allowed is up to {MAX_PARTS}"
+        yield f"part.count adds up to {s.n_parts}, must be up to {MAX_PARTS}"
     if s.n_parts > 1 and run.stop != "time":
         yield "run.stop", '"time" with more than one part'
     if s.schedule is None:
@@ -95,7 +95,7 @@ def _tables(s: Scenario) -> Broken:
             yield "goal belongs to a [schedule]"
         return
     if not s.excitations and not still:
-        yield "schedule.stage has no drive, allowed is at least one in all stages together"
+        yield "schedule.stage has no drive, must be at least one in all stages together"
     if run.duration_s is not None:
         yield "run.duration_s is that of the schedule"
     if run.stop != "time":
@@ -152,7 +152,7 @@ def _trays(s: Scenario) -> Broken:
     for key, drive in s.excitations:
         for name in refused:
             if getattr(drive, name) is not None:
-                yield f'{key}.{name} does not go with plate.kind = "{s.plate.kind}", allowed is {", ".join(allowed)}'
+                yield f'{key}.{name} does not go with plate.kind = "{s.plate.kind}", must be {", ".join(allowed)}'
     if isinstance(s.plate, TrayPlate) and s.plate.tilt_deg and choose_engine(s).method not in ("exact", "joint"):
         yield "plate.tilt_deg", "0 but with parts that are computed without a step"
 
@@ -247,7 +247,7 @@ def _parts_that_meet_nothing(s: Scenario) -> Broken:
     """Parts without a hull that other bodies could meet."""
     shape = next((f"with a {part.shape}" for part in s.part if part.lonely), "")
     if shape and s.n_parts > 1:
-        yield f"part.count adds up to {s.n_parts}, allowed is 1 {shape}: it meets no other parts"
+        yield f"part.count adds up to {s.n_parts}, must be 1 {shape}: it meets no other parts"
     if shape and _rim(s):
         yield "plate.rim", f"false {shape}: it meets no walls"
     if shape and s.refill is not None:
@@ -281,7 +281,7 @@ def _in_impulses(s: Scenario) -> Broken:
 def _in_mujoco(s: Scenario) -> Broken:
     contact, run = s.contact, s.run
     if isinstance(s.plate, TrayPlate):
-        yield 'run.engine is "mujoco", allowed is "impulse" with plate.kind = "tray"'
+        yield 'run.engine is "mujoco", must be "impulse" with plate.kind = "tray"'
     before = "in MuJoCo, whose contacts are set before it is known how fast they are"
     if s.guide is not None and s.guide.kind == "tube" and s.guide.friction > 0.0:
         why = "a part that slides along the wall gains speed away from it in MuJoCo's convex friction cone"
@@ -299,9 +299,9 @@ def _in_mujoco(s: Scenario) -> Broken:
     if run.tolerance_nm is not None:
         yield "run.tolerance_nm", "none in MuJoCo, which has a step: run.steps_per_period says how exact it is"
     if run.reaction:
-        yield 'run.engine is "mujoco", allowed is "impulse" with run.reaction = true: its plate does not give way'
+        yield 'run.engine is "mujoco", must be "impulse" with run.reaction = true: its plate does not give way'
     if any(part.lonely for part in s.part):
-        yield 'run.engine is "mujoco", allowed is "impulse" with a dimer'
+        yield 'run.engine is "mujoco", must be "impulse" with a dimer'
 
 
 def _steps(s: Scenario) -> Broken:
@@ -353,7 +353,7 @@ def plate_with_outline(s: Scenario) -> Broken:
     """Of a plate that is no whole rectangle, which only its mode file says."""
     why = "on a plate with holes or an outline of its own"
     if choose_engine(s).name == "mujoco":
-        yield f'run.engine is "mujoco", allowed is "impulse" {why}: its parts meet whole rectangles'
+        yield f'run.engine is "mujoco", must be "impulse" {why}: its parts meet whole rectangles'
     if _rim(s):
         yield "plate.rim", f"false {why}"
 

@@ -24,11 +24,11 @@ def _share_or_zener(value: Any) -> Any:
     if value == "zener":
         return value
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError('allowed is a number from 0 to 1, or "zener"')
+        raise ValueError('must be a number from 0 to 1, or "zener"')
     if not value >= 0.0:
-        raise ValueError("allowed is greater than or equal to 0")
+        raise ValueError("must be greater than or equal to 0")
     if value > 1.0:
-        raise ValueError("allowed is less than or equal to 1")
+        raise ValueError("must be less than or equal to 1")
     return float(value)
 
 
@@ -79,7 +79,7 @@ class Contact(Table):
     def _falls_from_a_number(self) -> Self:
         if self.restitution_exponent and self.restitution == "zener":
             raise ValueError(
-                f'restitution_exponent is {self.restitution_exponent:g}, allowed is 0 with restitution = "zener", '
+                f'restitution_exponent is {self.restitution_exponent:g}, must be 0 with restitution = "zener", '
                 "which falls with the speed by itself"
             )
         if self.restitution_speed_m_s != 1.0 and not self.restitution_exponent:
@@ -119,7 +119,7 @@ def _engine(name: str) -> str:
     """An engine of ours, or of another package."""
     allowed = (*ENGINES, *extensions.names_of("engines"))
     if name not in allowed:
-        raise ValueError(f"allowed is {', '.join(map(repr, allowed[:-1]))} or {allowed[-1]!r}")
+        raise ValueError(f"must be {', '.join(map(repr, allowed[:-1]))} or {allowed[-1]!r}")
     return name
 
 

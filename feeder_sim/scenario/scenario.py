@@ -214,7 +214,7 @@ class Scenario(Table):
         for i, name in enumerate(names):
             if name in names[:i]:
                 number = i if self.part[i].name else names.index(name)
-                raise ValueError(f'part[{number}].name is "{name}", allowed is a name of its own')
+                raise ValueError(f'part[{number}].name is "{name}", must be a name of its own')
         return self
 
     @model_validator(mode="after")
@@ -223,7 +223,7 @@ class Scenario(Table):
         kinds = ", ".join(names)
         for key, pick in self.schedule.picks if self.schedule else ():
             if pick.part is not None and pick.part not in names:
-                raise ValueError(f'{key}.part is "{pick.part}", allowed is {kinds}')
+                raise ValueError(f'{key}.part is "{pick.part}", must be {kinds}')
             if pick.up and pick.part is None and len(names) > 1:
                 raise ValueError(f"{key}.up needs the kind whose poses are meant, part: {kinds}")
         return self
@@ -236,7 +236,7 @@ class Scenario(Table):
             for name in keys:
                 _check_variable(name)
                 if name in varied:
-                    raise ValueError(f"uncertain holds {name} twice, allowed is each key once")
+                    raise ValueError(f"uncertain holds {name} twice, must be each key once")
                 varied.add(name)
             for value in uncertain.extremes:
                 self._check_changed(dict.fromkeys(keys, value), key)
@@ -250,7 +250,7 @@ class Scenario(Table):
         except ValidationError as error:
             first, value = error.errors()[0], changes[key]
             message = "there is no such key" if first["type"] == "extra_forbidden" else first["msg"]
-            message = message.removeprefix("Value error, ").replace("Input should be", "allowed is")
+            message = message.removeprefix("Value error, ").replace("Input should be", "must be")
             value_text = f"{value:.6g}" if isinstance(value, float) else repr(value)
             raise ValueError(f"uncertain.{key} may be {value_text}: {message}") from None
         except InputError as error:

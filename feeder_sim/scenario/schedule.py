@@ -32,7 +32,7 @@ class Refill(Table):
     @model_validator(mode="after")
     def _below_what_it_refills_to(self) -> Self:
         if self.to is not None and self.below is not None and self.below > self.to:
-            raise ValueError(f"below is {self.below}, allowed is up to {self.to}, which is what is refilled to")
+            raise ValueError(f"below is {self.below}, must be up to {self.to}, which is what is refilled to")
         return self
 
 
@@ -61,7 +61,7 @@ class Pick(Table):
     @model_validator(mode="after")
     def _needs_room(self) -> Self:
         if self.clearance_mm is None and self.shape is None:
-            raise ValueError("exactly what room is needed is missing, allowed is clearance_mm, shape or both")
+            raise ValueError("exactly what room is needed is missing, must be clearance_mm, shape or both")
         return self
 
 
@@ -151,17 +151,17 @@ class Schedule(Table):
         for i, name in enumerate(self.sequence or ()):
             if name not in names:
                 allowed = ", ".join(names)
-                raise ValueError(f'sequence[{i}] is "{name}"{nearest(name, names)}, allowed are the stages {allowed}')
+                raise ValueError(f'sequence[{i}] is "{name}"{nearest(name, names)}, must be the stages {allowed}')
         for i, name in enumerate(names if self.sequence else ()):
             if name in names[:i]:
-                raise ValueError(f'stage[{i}].name is "{name}", allowed is a name of its own with sequence')
+                raise ValueError(f'stage[{i}].name is "{name}", must be a name of its own with sequence')
         return self
 
     @model_validator(mode="after")
     def _not_too_many(self) -> Self:
         total = len(self.prepare) + self.cycles * len(self.sequence or self.stage)
         if total > MOST_STAGES:
-            raise ValueError(f"cycles times stages makes {total} stages, allowed are up to {MOST_STAGES}")
+            raise ValueError(f"cycles times stages makes {total} stages, must be up to {MOST_STAGES}")
         return self
 
 

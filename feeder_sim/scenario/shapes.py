@@ -37,7 +37,7 @@ class HexNut(PartTable):
         if any(is_set) if self.size is not None else not all(is_set):
             raise ValueError("give either size or all of across_flats_mm, height_mm, bore_mm")
         if self.bore_mm is not None and self.across_flats_mm is not None and self.bore_mm >= self.across_flats_mm:
-            raise ValueError(f"bore_mm is {self.bore_mm}, allowed is less than across_flats_mm")
+            raise ValueError(f"bore_mm is {self.bore_mm}, must be less than across_flats_mm")
         return self
 
     @property
@@ -123,11 +123,11 @@ class Dimer(PartTable):
     def _balls_beside_each_other(self) -> Self:
         shortest = 2.0 * self.ball_diameter_mm
         if self.length_mm < shortest:
-            raise ValueError(f"length_mm is {self.length_mm:g}, allowed is at least {shortest:g}, two balls in a row")
+            raise ValueError(f"length_mm is {self.length_mm:g}, must be at least {shortest:g}, two balls in a row")
         if self.rod_diameter_mm is not None and self.rod_diameter_mm > self.ball_diameter_mm:
-            raise ValueError(f"rod_diameter_mm is {self.rod_diameter_mm:g}, allowed is up to ball_diameter_mm")
+            raise ValueError(f"rod_diameter_mm is {self.rod_diameter_mm:g}, must be up to ball_diameter_mm")
         if self.guide is not None:
-            raise ValueError("guide is given, allowed is none for a dimer")
+            raise ValueError("guide is given, must be none for a dimer")
         return self
 
     def solid(self, density: float, name: str) -> RigidPart:
@@ -165,7 +165,7 @@ class MeshPart(PartTable):
     @model_validator(mode="after")
     def _pieces_of_parts(self) -> Self:
         if self.pieces is not None and self.contact == "hull":
-            raise ValueError('pieces is given, allowed is none with contact = "hull"')
+            raise ValueError('pieces is given, must be none with contact = "hull"')
         return self
 
     @property

@@ -40,7 +40,7 @@ def _as_range(value: Any) -> Any:
 
 def _ascending(value: tuple[float, float]) -> tuple[float, float]:
     if value[0] > value[1]:
-        raise ValueError("allowed is [low, high] with low <= high")
+        raise ValueError("must be [low, high] with low <= high")
     return value
 
 
@@ -88,10 +88,10 @@ def read_text(path: Path, longest: int = LONGEST_TEXT) -> str:
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
-            raise InputError("is no file, allowed is a text file", file=path)
+            raise InputError("is no file, must be a text file", file=path)
         if status.st_size > longest:
             raise InputError(
-                f"is {status.st_size / 1e6:.1f} MB long, allowed are up to {longest / 1e6:g} MB of text", file=path
+                f"is {status.st_size / 1e6:.1f} MB long, must be up to {longest / 1e6:g} MB of text", file=path
             )
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:
@@ -118,15 +118,15 @@ def document_in(text: str, file: Path) -> dict[str, Any]:
         InputError: TOML syntax, deep nesting, or a whole number of too many digits.
     """
     if max(line.count(".") for line in _OUTSIDE_KEYS.split(text)) > MOST_DOTS:
-        raise InputError(f"holds keys nested too deep, allowed are {DEEPEST} levels", file=file)
+        raise InputError(f"holds keys nested too deep, must be {DEEPEST} levels", file=file)
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"not valid TOML: {error}", file=file) from error
     except ValueError as error:  # Python reads no more digits than it can write
-        raise InputError("holds a whole number of thousands of digits, allowed are 300", file=file) from error
+        raise InputError("holds a whole number of thousands of digits, must be 300", file=file) from error
     except RecursionError as error:
-        raise InputError(f"holds lists or tables nested too deep, allowed are {DEEPEST} levels", file=file) from error
+        raise InputError(f"holds lists or tables nested too deep, must be {DEEPEST} levels", file=file) from error
     _refuse_absurd(raw, file)
     return raw
 
@@ -156,13 +156,13 @@ def _refuse_absurd(raw: dict[str, Any], file: Path) -> None:
     while stack:
         key, depth, value = stack.pop()
         if depth > DEEPEST:
-            raise InputError(f"is nested too deep, allowed are {DEEPEST} levels", file=file, key=key)
+            raise InputError(f"is nested too deep, must be {DEEPEST} levels", file=file, key=key)
         if isinstance(value, dict):
             stack += [(f"{key}.{name}" if key else str(name), depth + 1, entry) for name, entry in value.items()]
         elif isinstance(value, list | tuple):
             stack += [(f"{key}[{i}]", depth + 1, entry) for i, entry in enumerate(value)]
         elif isinstance(value, int) and abs(value) > LARGEST_INTEGER:
-            raise InputError("is a whole number of more than 300 digits, allowed are fewer", file=file, key=key)
+            raise InputError("is a whole number of more than 300 digits, must be fewer", file=file, key=key)
 
 
 def _without_numpy(value: Any) -> Any:
@@ -189,9 +189,9 @@ def first_error(error: ValidationError, root: type[BaseModel], file: Path) -> In
     name = str(loc[-1]) if loc else ""
     if first["type"] == "extra_forbidden":
         allowed = list(table.model_fields) if table else []
-        problem = f"unknown key{nearest(name, allowed)}; allowed are {', '.join(allowed)}"
+        problem = f"unknown key{nearest(name, allowed)}; must be {', '.join(allowed)}"
     elif first["type"] == "missing":
-        problem = f"is missing, allowed is {_allowed(table, name)}"
+        problem = f"is missing, must be {_allowed(table, name)}"
     elif first["type"] == "value_error":
         problem = first["msg"].removeprefix("Value error, ")
         if not isinstance(first["input"], dict):
@@ -202,7 +202,7 @@ def first_error(error: ValidationError, root: type[BaseModel], file: Path) -> In
         tag = "kind" if tag.endswith("()") else tag  # found by a function, which has no name to show
         key = f"{key}.{tag}" if tag else key
         tag_text = shortened(str(context.get("tag", "missing")))
-        problem = f"is {tag_text}, allowed is {context.get('expected_tags', 'one kind')}"
+        problem = f"is {tag_text}, must be {context.get('expected_tags', 'one kind')}"
     else:
         problem = f"is {quoted(first['input'])}, {_lower(first['msg'])}"
     more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
@@ -210,7 +210,7 @@ def first_error(error: ValidationError, root: type[BaseModel], file: Path) -> In
 
 
 def _lower(message: str) -> str:
-    message = _TABLE_EXPECTED.sub("allowed is a table", message)
+    message = _TABLE_EXPECTED.sub("must be a table", message)
     for phrase, replacement in _PLAIN_WORDS.items():
         message = message.replace(phrase, replacement)
     return message
@@ -218,9 +218,9 @@ def _lower(message: str) -> str:
 
 _TABLE_EXPECTED = re.compile(r"Input should be a valid dictionary or (object to extract fields from|instance of \w+)")
 _PLAIN_WORDS = {
-    "Input should be a valid tuple": "allowed is a list (a table that may repeat is written [[...]])",
-    "Input should be": "allowed is",
-    "Tuple should have": "allowed is a list with",
+    "Input should be a valid tuple": "must be a list (a table that may repeat is written [[...]])",
+    "Input should be": "must be",
+    "Tuple should have": "must be a list with",
 }
 
 

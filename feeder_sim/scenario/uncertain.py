@@ -82,7 +82,7 @@ class Uncertain(Table):
             raise ValueError(f"exactly one of {', '.join(kinds)} is needed, here are {len(distributions)}")
         if self.choice is None and not self.ends[0] < self.ends[1]:
             allowed = "a standard deviation above 0" if self.normal else "[low, high] with low < high"
-            raise ValueError(f"{distributions[0]} is {list(getattr(self, distributions[0]))}, allowed is {allowed}")
+            raise ValueError(f"{distributions[0]} is {list(getattr(self, distributions[0]))}, must be {allowed}")
         if self.log_uniform is not None and self.log_uniform[0] <= 0.0:
-            raise ValueError(f"log_uniform begins at {self.log_uniform[0]:g}, allowed is above 0")
+            raise ValueError(f"log_uniform begins at {self.log_uniform[0]:g}, must be above 0")
         return self

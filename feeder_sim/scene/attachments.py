@@ -109,7 +109,7 @@ def build_attachments(
         x, y = mass.at_mm
         if abs(x) > 500.0 * plate.length or abs(y) > 500.0 * plate.width:
             raise InputError(
-                f"is [{x:g}, {y:g}], allowed is +-{500.0 * plate.length:g}, +-{500.0 * plate.width:g} (on the plate)",
+                f"is [{x:g}, {y:g}], must be +-{500.0 * plate.length:g}, +-{500.0 * plate.width:g} (on the plate)",
                 key=f"mass[{i}].at_mm",
             )
         masses.append(PointMass((1e-3 * x, 1e-3 * y), 1e-3 * mass.mass_g, 1e-3 * mass.offset_mm))
@@ -136,7 +136,7 @@ def check_within(outline: Outline, actuators: Sequence[Actuator], attachments: S
             x, y = 1e3 * place.centroid.x, 1e3 * place.centroid.y
             raise InputError(
                 f"lies at ({x:.4g}, {y:.4g}) mm from the middle of the plate, from where it reaches beyond it or over "
-                "a hole, allowed is a place on it",
+                "a hole, must be a place on it",
                 key=key,
             )
 
@@ -157,7 +157,7 @@ def build_supports(tables: Sequence[SupportTable], outline: Outline) -> tuple[El
         if not is_on_plate and not (place.area > 0.0 and outline.polygon.intersection(place).area > 0.0):
             x, y = table.at_mm
             raise InputError(
-                f"lies at ({x:g}, {y:g}) mm from the middle of the plate, beside it, allowed is a place on it",
+                f"lies at ({x:g}, {y:g}) mm from the middle of the plate, beside it, must be a place on it",
                 key=f"support[{i}].at_mm",
             )
         points = points[outline.distance(points) > -TOUCHING]
@@ -221,7 +221,7 @@ def check_on_plate(layer: Layer, plate: RectangularPlate, key: str) -> None:
     if x > 0.5 * plate.length + TOUCHING or y > 0.5 * plate.width + TOUCHING:
         raise InputError(
             f"is [{1e3 * layer.centre[0]:g}, {1e3 * layer.centre[1]:g}], from where it reaches to {1e3 * x:.4g}, "
-            f"{1e3 * y:.4g}, allowed is +-{500.0 * plate.length:g}, +-{500.0 * plate.width:g} (on the plate)",
+            f"{1e3 * y:.4g}, must be +-{500.0 * plate.length:g}, +-{500.0 * plate.width:g} (on the plate)",
             key=f"{key}.at_mm",
         )
 
@@ -234,6 +234,6 @@ def _check_apart(layers: dict[str, Layer]) -> None:
     for (first, area), (second, other_area) in combinations(areas.items(), 2):
         if area.intersects(other_area):
             raise InputError(
-                f"overlaps {first}, allowed are patches and bars side by side, on one side of the plate",
+                f"overlaps {first}, must be patches and bars side by side, on one side of the plate",
                 key=f"{second}.at_mm",
             )

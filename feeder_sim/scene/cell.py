@@ -79,7 +79,7 @@ def check_stop_rule(scene: Scene, cell: Cell | None) -> None:
         return
     if cell is None:
         raise InputError(
-            'is "passage", allowed is "time" where the plate has no nodal lines or the part starts on one',
+            'is "passage", must be "time" where the plate has no nodal lines or the part starts on one',
             key="run.stop",
         )
     start = scene.scenario.part[0].start
@@ -88,7 +88,7 @@ def check_stop_rule(scene: Scene, cell: Cell | None) -> None:
     fraction = float(cell.lines.distance(np.array([[x, y]]) * 1e-3)[0]) / cell.reach
     if fraction <= PASSAGE_FROM:
         raise InputError(
-            f"is [{x:g}, {y:g}], {fraction:.2f} of the way from node to antinode, allowed is above {PASSAGE_FROM} "
+            f"is [{x:g}, {y:g}], {fraction:.2f} of the way from node to antinode, must be above {PASSAGE_FROM} "
             'with run.stop = "passage"',
             key="part[0].start.position_mm",
         )

@@ -166,7 +166,7 @@ def _driven(drive: Excitation, key: str, mode_file: ModeFile, index: int) -> Dri
         assert measured is not None  # without a gain there is no drive without actuators
         if drive.modes not in (None, "driven"):
             raise InputError(
-                f"is {drive.modes!r}, allowed is 'driven' for a plate file without actuators", key=f"{key}.modes"
+                f"is {drive.modes!r}, must be 'driven' for a plate file without actuators", key=f"{key}.modes"
             )
         level = measured.gain * drive.voltage_vpp
         level /= deflection_at(modes, index, measured.driven_point, f"{key}.voltage_vpp")
@@ -247,7 +247,7 @@ def _actuators(
             if name not in actuator_names:
                 raise Unknown(name, actuator_names, key=f"{key}.actuator")
         if len(set(drive.actuator)) < len(drive.actuator):
-            raise InputError("names an actuator twice, allowed is once", key=f"{key}.actuator")
+            raise InputError("names an actuator twice, must be once", key=f"{key}.actuator")
         return drive.actuator
     if measured is not None and math.isfinite(measured.gain):
         return measured.actuators
@@ -257,7 +257,7 @@ def _actuators(
     allowed = [f"the resonances at {gains} Hz"] if gains else []
     allowed += [f"actuator = [...] of {', '.join(actuator_names)}"] if actuator_names else []
     raise InputError(
-        f"{mode} has no measured gain, allowed is {' or '.join(allowed) or 'amplitude_um'}", key=f"{key}.voltage_vpp"
+        f"{mode} has no measured gain, must be {' or '.join(allowed) or 'amplitude_um'}", key=f"{key}.voltage_vpp"
     )
 
 
@@ -271,13 +271,13 @@ def _choose_mode(drive: Excitation, key: str, mode_file: ModeFile) -> int:
     frequencies = modes.natural_frequency
     if drive.mode is not None:
         if drive.mode > len(modes):
-            raise InputError(f"is {drive.mode}, allowed is 1 to {len(modes)}", key=f"{key}.mode")
+            raise InputError(f"is {drive.mode}, must be 1 to {len(modes)}", key=f"{key}.mode")
         peaks = [frequencies[drive.mode - 1], *(r.frequency for r in mode_file.resonances if r.mode == drive.mode - 1)]
         deviation = min(abs(peak / drive.frequency_hz - 1.0) for peak in peaks)
         if drive.natural_frequency_hz is None and deviation > MODE_MATCH:
             frequency_text = " Hz, or ".join(f"{peak:.1f}" for peak in peaks)
             raise InputError(
-                f"is {drive.frequency_hz:g}, but mode {drive.mode} lies at {frequency_text} Hz; allowed is within "
+                f"is {drive.frequency_hz:g}, but mode {drive.mode} lies at {frequency_text} Hz; must be within "
                 f"{MODE_MATCH:.0%} of it, or a natural_frequency_hz to drive it off resonance",
                 key=f"{key}.frequency_hz",
             )
@@ -286,7 +286,7 @@ def _choose_mode(drive: Excitation, key: str, mode_file: ModeFile) -> int:
     name = "natural_frequency_hz" if drive.natural_frequency_hz else "frequency_hz"
     if target > frequencies[-1] * (1.0 + MODE_MATCH):
         raise InputError(
-            f"is {target:g}, beyond the computed modes; allowed is up to {frequencies[-1] * (1 + MODE_MATCH):.0f}",
+            f"is {target:g}, beyond the computed modes; must be up to {frequencies[-1] * (1 + MODE_MATCH):.0f}",
             key=f"{key}.{name}",
         )
     index = int(np.argmin(np.abs(frequencies - target)))

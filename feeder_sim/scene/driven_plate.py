@@ -213,7 +213,7 @@ def _tabulated(
     for (key, _), mode in zip(drives, driven, strict=True):
         if bends and mode.drive.steady_amplitude > LARGEST_DEFLECTION * thickness:
             raise InputError(
-                f"asks for {1e6 * mode.drive.steady_amplitude:g} um at the antinode, allowed is up to the plate's "
+                f"asks for {1e6 * mode.drive.steady_amplitude:g} um at the antinode, must be up to the plate's "
                 f"thickness, {1e6 * thickness:g} um",
                 key=key,
             )

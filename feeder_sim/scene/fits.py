@@ -36,19 +36,19 @@ def check_on_plate(start: Start | Scattered | Heap | Placed | GivenState, surfac
         for n, (x, y, _) in enumerate(start.places_mm_deg):
             is_off = surface.outline is not None and not surface.outline.holds(1e-3 * np.array([x, y]))
             if abs(x) > half[0] or abs(y) > half[1] or is_off:
-                message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
+                message = f"is [{x:g}, {y:g}], must be +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
                 raise InputError(message, key=f"{key}.places_mm_deg[{n}]")
         return
     at_point = isinstance(start, Start | GivenState)
     x, y = start.position_mm[:2] if isinstance(start, Start | GivenState) else start.centre_mm
     name = "position_mm" if at_point else "centre_mm"
     if abs(x) > half[0] or abs(y) > half[1]:
-        message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
+        message = f"is [{x:g}, {y:g}], must be +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
         raise InputError(message, key=f"{key}.{name}")
     margin = math.inf if surface.outline is None else float(surface.outline.distance(1e-3 * np.array([x, y])))
     if margin < 0.0 and not isinstance(start, Scattered):
         raise InputError(
-            f"is [{x:g}, {y:g}], {-1e3 * margin:.3g} mm off the plate or over a hole, allowed is a place on the plate",
+            f"is [{x:g}, {y:g}], {-1e3 * margin:.3g} mm off the plate or over a hole, must be a place on the plate",
             key=f"{key}.{name}",
         )
     size = (0.0, 0.0)
@@ -59,7 +59,7 @@ def check_on_plate(start: Start | Scattered | Heap | Placed | GivenState, surfac
     is_over_edge = isinstance(start, Heap) and 0.5e-3 * start.diameter_mm > margin
     if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1] or is_over_edge:
         raise InputError(
-            f"is {_size_text(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}"
+            f"is {_size_text(size)}, must be what lies on the plate around its centre", key=f"{key}.{name}"
         )
 
 
@@ -89,7 +89,7 @@ def check_pick(scene: Scene, pick: Pick, key: str) -> None:
     if pick.shape is not None:
         read_gripper(pick.shape, key=f"{key}.shape")
     if pick.part is not None and pick.part not in names:
-        raise InputError(f'is "{pick.part}", allowed is {", ".join(names)}', key=f"{key}.part")
+        raise InputError(f'is "{pick.part}", must be {", ".join(names)}', key=f"{key}.part")
     if pick.up and pick.part is None and len(names) > 1:
         raise InputError(f"needs the kind whose poses are meant, part: {', '.join(names)}", key=f"{key}.up")
     kind = names.index(pick.part) if pick.part is not None else 0
@@ -97,7 +97,7 @@ def check_pick(scene: Scene, pick: Pick, key: str) -> None:
     if unknown := [name for name in pick.up if name not in (*poses, *AXES)]:
         of_kind = f"{', '.join(poses)} (poses of {names[kind]}, see feeder-sim part), " if poses else ""
         axes = f"{', '.join(AXES)} (axes as drawn)"
-        raise InputError(f'has "{unknown[0]}", allowed is {of_kind}{axes}', key=f"{key}.up")
+        raise InputError(f'has "{unknown[0]}", must be {of_kind}{axes}', key=f"{key}.up")
 
 
 def check_picks(scene: Scene) -> None:
@@ -117,7 +117,7 @@ def check_picks(scene: Scene) -> None:
         if stage.until and (stage.picks or is_refilled) and stage.end - stage.stop < least:
             event = "pick" if stage.picks else "a refill after it"
             raise InputError(
-                f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and {event}",
+                f"is {stage.end - stage.stop:g}, must be at least two frames, {least:.2g} s, with until and {event}",
                 key=f"schedule.{_stage_key(schedule, stage)}.pause_s",
             )
 
@@ -140,9 +140,7 @@ def check_goal(scenario: Scenario, surface: Surface) -> None:
         return
     for name, coordinate, size in (("x_mm", goal.x_mm, surface.length), ("y_mm", goal.y_mm, surface.width)):
         if abs(coordinate or 0.0) > 0.5e3 * size:
-            raise InputError(
-                f"is {coordinate:g}, allowed is within +-{0.5e3 * size:g} (on the plate)", key=f"goal.{name}"
-            )
+            raise InputError(f"is {coordinate:g}, must be within +-{0.5e3 * size:g} (on the plate)", key=f"goal.{name}")
 
 
 def _size_text(size: tuple[float, float]) -> str:
@@ -163,7 +161,7 @@ def check_in_tube(spec: PartSpec, part: RigidPart, i: int) -> None:
     least = 2e3 * float(reach.max() + part.corner_radius)
     if least > spec.guide.inner_diameter_mm * (1.0 + DIAMETER_ROUND_OFF):
         raise InputError(
-            f"is {spec.guide.inner_diameter_mm:g}, allowed is at least {least:.4g}, which the part takes at its start",
+            f"is {spec.guide.inner_diameter_mm:g}, must be at least {least:.4g}, which the part takes at its start",
             key=f"part[{i}].guide.inner_diameter_mm",
         )
 
@@ -177,6 +175,6 @@ def check_width(start: Heap, size: float, *, key: str) -> None:
     widest = 2e3 * WIDEST_HEAP * size
     if start.diameter_mm > widest:
         raise InputError(
-            f"is {start.diameter_mm:g}, allowed is up to {WIDEST_HEAP} times the size of a part, {widest:.4g}",
+            f"is {start.diameter_mm:g}, must be up to {WIDEST_HEAP} times the size of a part, {widest:.4g}",
             key=f"{key}.diameter_mm",
         )

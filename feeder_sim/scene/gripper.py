@@ -81,7 +81,7 @@ def _read(path: Path, _: object, key: str) -> Gripper:
     below = -float(mesh.vertices[:, 2].min())
     if below > BELOW_MM:
         raise refusal(
-            f"reaches {below:.3g} mm below the plate, allowed is z >= 0: shift it, its origin is on the plate below "
+            f"reaches {below:.3g} mm below the plate, must be z >= 0: shift it, its origin is on the plate below "
             "the centre of the part"
         )
     return Gripper(fingers)
@@ -92,13 +92,13 @@ def _check_size(vertices: NDArray[np.float64], refusal: Refusal) -> None:
     reach = float(np.linalg.norm(vertices, axis=1).max())
     if not reach <= FARTHEST_MM:
         raise refusal(
-            f"reaches {reach:.4g} mm from its origin, allowed is up to {FARTHEST_MM:g} mm: write it in millimetres, "
+            f"reaches {reach:.4g} mm from its origin, must be up to {FARTHEST_MM:g} mm: write it in millimetres, "
             "with the origin below the part"
         )
     longest = float(np.ptp(vertices, axis=0).max())
     if longest < SHORTEST_MM:
         raise refusal(
-            f"is {longest:.4g} mm long, allowed is at least {SHORTEST_MM:g} mm: write it in millimetres, not in metres"
+            f"is {longest:.4g} mm long, must be at least {SHORTEST_MM:g} mm: write it in millimetres, not in metres"
         )
 
 
@@ -107,8 +107,8 @@ def _finger(body: Any, refusal: Refusal) -> NDArray[np.float64]:
     from scipy.spatial import QhullError
 
     if not body.is_watertight:
-        raise refusal("holds an open mesh, allowed are closed (watertight) bodies")
-    flat = "holds a body that encloses no volume, allowed are solid bodies, one for each finger"
+        raise refusal("holds an open mesh, must be closed (watertight) bodies")
+    flat = "holds a body that encloses no volume, must be solid bodies, one for each finger"
     with np.errstate(divide="ignore", invalid="ignore"):  # its centre of mass, with the volume, divides by it
         volume = abs(float(body.volume))
     if not volume > FLAT * float(np.ptp(body.vertices, axis=0).prod()):
@@ -119,7 +119,7 @@ def _finger(body: Any, refusal: Refusal) -> NDArray[np.float64]:
         raise refusal(flat) from error
     if not hull.volume <= CONVEX * volume:
         raise refusal(
-            f"holds a body whose hull has {hull.volume / volume:.2f} times its volume, allowed are convex bodies, one "
+            f"holds a body whose hull has {hull.volume / volume:.2f} times its volume, must be convex bodies, one "
             "for each finger"
         )
     return np.array(hull.vertices)

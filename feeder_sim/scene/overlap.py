@@ -44,7 +44,7 @@ def check_apart(scene: Scene, part: int, place: Place, before: Sequence[Place], 
         return
     for other, other_place in enumerate(before):
         if not _is_hull(scene, other) and parts_overlap(scene.parts[part], place, scene.parts[other], other_place):
-            raise InputError(f"overlaps {scene.parts[other].name}, allowed is a place of its own", key=key)
+            raise InputError(f"overlaps {scene.parts[other].name}, must be a place of its own", key=key)
 
 
 def check_off_rim(scene: Scene, part: int, place: Place, key: str) -> None:
@@ -64,7 +64,7 @@ def check_off_rim(scene: Scene, part: int, place: Place, key: str) -> None:
     ahead, behind = (1e3 * float((sign * (points - place[0])[:, axis]).max() + radius) for sign in (1.0, -1.0))
     low, high = (math.floor(1e3 * (half - reach)) / 1e3 for reach in (behind, ahead))
     raise InputError(
-        f"is [{x:g}, {y:g}], {1e3 * depth[axis]:.3g} mm in the wall of the rim, allowed is {-low:g} to {high:g} along "
+        f"is [{x:g}, {y:g}], {1e3 * depth[axis]:.3g} mm in the wall of the rim, must be {-low:g} to {high:g} along "
         f"{'xy'[axis]}",
         key=key,
     )

@@ -31,9 +31,7 @@ def zener_inelasticities(scene: Scene) -> NDArray[np.float64]:
     plate, inelasticities = _slab(scene), []
     for i, spec in enumerate(scene.scenario.part):
         if not isinstance(spec, Ball):
-            raise InputError(
-                f'is "{spec.shape}", allowed is "ball" with contact.restitution = "zener"', key=f"part[{i}]"
-            )
+            raise InputError(f'is "{spec.shape}", must be "ball" with contact.restitution = "zener"', key=f"part[{i}]")
         inelasticities.append(inelasticity(resolve_material(spec.material), 0.5e-3 * spec.diameter_mm, plate))
     return np.array(inelasticities)
 
@@ -45,7 +43,7 @@ def _slab(scene: Scene) -> RectangularPlate:
         return RectangularPlate(1.0, 1.0, 1e-3 * plate.thickness_mm, resolve_material(plate.material))
     if isinstance(shape, RitzShape):
         return shape.modes.plate
-    raise InputError('is "zener", allowed is a number over a plate without a material', key="contact.restitution")
+    raise InputError('is "zener", must be a number over a plate without a material', key="contact.restitution")
 
 
 LEAST_INERTIA = 1e-15  # [kg], [kg m^2]: what MuJoCo takes for zero; a steel ball of 0.3 mm has just more
@@ -62,7 +60,7 @@ def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:
         part = replace(part, circle_radius=0.0)
     if min(part.mass, part.inertia.min()) < LEAST_INERTIA:
         raise InputError(
-            f"has a mass of {part.mass:.3g} kg and a moment of inertia of {part.inertia.min():.3g} kg m2, allowed is "
+            f"has a mass of {part.mass:.3g} kg and a moment of inertia of {part.inertia.min():.3g} kg m2, must be "
             f"at least {LEAST_INERTIA:g} each (MuJoCo's limit)",
             key="part",
         )

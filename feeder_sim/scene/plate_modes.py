@@ -71,7 +71,7 @@ def compute_modes(file: PlateFile) -> ModeFile:
         if prior:
             raise InputError(
                 f"is {resonance.frequency:g}, and belongs to mode {resonance.mode + 1} as resonance[{prior[0]}] does; "
-                "allowed is one of each mode (or name the mode)",
+                "must be one of each mode (or name the mode)",
                 key=f"resonance[{i}].frequency_hz",
             )
     damping = None if body.damping_ratio is None else body.damping_ratio + loss
@@ -176,14 +176,14 @@ def far_resonances(mode_file: ModeFile) -> Iterator[tuple[int, str]]:
 def _matched(measured: MeasuredResonance, i: int, modes: PlateModes) -> Resonance:
     """The i-th measured resonance in SI units, with the index of its mode: the one it names or the nearest."""
     if measured.mode is not None and measured.mode > len(modes):
-        raise InputError(f"is {measured.mode}, allowed is 1 to {len(modes)}", key=f"resonance[{i}].mode")
+        raise InputError(f"is {measured.mode}, must be 1 to {len(modes)}", key=f"resonance[{i}].mode")
     index = int(np.argmin(np.abs(modes.natural_frequency - measured.frequency_hz)))
     nearest = modes.natural_frequency[index]
     if measured.mode is not None:
         index = measured.mode - 1
     elif abs(nearest / measured.frequency_hz - 1.0) > RESONANCE_MATCH:
         raise InputError(
-            f"is {measured.frequency_hz:g}, allowed is within {RESONANCE_MATCH:.0%} of a computed mode (or name a "
+            f"is {measured.frequency_hz:g}, must be within {RESONANCE_MATCH:.0%} of a computed mode (or name a "
             f"mode); the nearest is {nearest:.1f}",
             key=f"resonance[{i}].frequency_hz",
         )

@@ -295,7 +295,7 @@ def build_scene(scenario: Scenario) -> Scene:
         zener_inelasticities(scene)  # refuses what has no modulus
     if scene.n_frames < 2:
         raise InputError(
-            f"is {times.duration:g}, allowed is at least one frame, {scene.frame_interval:g} s", key="run.duration_s"
+            f"is {times.duration:g}, must be at least one frame, {scene.frame_interval:g} s", key="run.duration_s"
         )
     return scene
 

@@ -151,7 +151,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             place = free_place(scene, start, kind, height, placed, rng, tries[i])
             if place is None:
                 raise InputError(
-                    f"has no room left for {tables[i].count} parts of {2e3 * kind.size:.3g} mm, allowed are fewer "
+                    f"has no room left for {tables[i].count} parts of {2e3 * kind.size:.3g} mm, must be fewer "
                     "parts or a larger place",
                     key=f"part[{i}].start",
                 )
@@ -170,7 +170,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             pairs = zip(scene.parts, before, strict=False)
             if is_drawn(start, kind) or any(parts_overlap(kind, (position, quaternion), *other) for other in pairs):
                 key = f"part[{i}].start.position_mm"
-                raise InputError("overlaps another part, allowed is a place of its own", key=key)
+                raise InputError("overlaps another part, must be a place of its own", key=key)
         placed.add(position, kind.size)
         poses.append(Pose(position, quaternion, velocity))
     return poses
@@ -233,7 +233,7 @@ def pose_of_state(start: GivenState, kind: RigidPart, key: str) -> Pose:
     quaternion /= np.linalg.norm(quaternion)
     lowest = position[2] + kind.lowest(quaternion)
     if lowest < -INTO_PLATE:
-        raise InputError(f"puts its lowest point {-1e3 * lowest:.4g} mm into the plate, allowed is over it", key=key)
+        raise InputError(f"puts its lowest point {-1e3 * lowest:.4g} mm into the plate, must be over it", key=key)
     velocity = 1e-3 * np.array(start.velocity_mm_s)
     return Pose(position, quaternion, velocity, angular_velocity=np.array(start.angular_velocity_rad_s))
 

@@ -68,7 +68,7 @@ def _damping(drive: Excitation) -> float | None:
 def _check_stroke(amplitude: float, key: str) -> None:
     if amplitude > LARGEST_STROKE:
         raise InputError(
-            f"moves the tray by {1e3 * amplitude:.3g} mm, allowed is up to {1e3 * LARGEST_STROKE:g} mm", key=key
+            f"moves the tray by {1e3 * amplitude:.3g} mm, must be up to {1e3 * LARGEST_STROKE:g} mm", key=key
         )
 
 
@@ -79,7 +79,7 @@ def _from_table(drive: Excitation, key: str, size: Sequence[float], arm: float) 
     frequency = 1.0 / wave.period
     if abs(drive.frequency_hz / frequency - 1.0) > SAME_PERIOD:
         raise InputError(
-            f"is {drive.frequency_hz:g}, allowed is {frequency:.6g}, one over the period of the table of "
+            f"is {drive.frequency_hz:g}, must be {frequency:.6g}, one over the period of the table of "
             f"{1e3 * wave.period:g} ms",
             key=f"{key}.frequency_hz",
         )
@@ -88,7 +88,7 @@ def _from_table(drive: Excitation, key: str, size: Sequence[float], arm: float) 
     coefficient = wave.coefficient * np.array([1.0, 1.0, 1.0, arm, arm, arm])
     largest = np.abs(coefficient).max(initial=0.0)
     if largest == 0.0:
-        raise InputError("moves nothing, allowed is a table with a motion in it", file=drive.motion_file)
+        raise InputError("moves nothing, must be a table with a motion in it", file=drive.motion_file)
     _check_stroke(largest, key)
     motions = [
         Follower(

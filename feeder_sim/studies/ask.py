@@ -130,14 +130,14 @@ def merged(path: Path, measure: str | None = None) -> Study:
     try:
         folder = folder_of(question, scenario, path)
     except InputError as error:
-        problem = f"{SCENARIO} is no longer that of the {kind.kind}, allowed is the one that it began with"
+        problem = f"{SCENARIO} is no longer that of the {kind.kind}, must be the one that it began with"
         raise InputError(problem, file=path) from error
     plan, ledger = question.plan(scenario, path / SCENARIO), Ledger(folder.journals)
     plan.take(ledger)
     foreign_seeds = ledger.foreign(plan.identities)
     if len(ledger) == foreign_seeds:
         why = f"; {foreign_seeds} in the journals are {FOREIGN}" if foreign_seeds else ""
-        problem = f"holds no seed of the {kind.kind}, allowed is a folder with journal*.jsonl of its tasks{why}"
+        problem = f"holds no seed of the {kind.kind}, must be a folder with journal*.jsonl of its tasks{why}"
         raise InputError(problem, file=path)
     study = plan.study(plan.all_done, foreign_seeds)
     with folder:
@@ -154,5 +154,5 @@ def open_study(folder: Path) -> Study:
     kind = kind_of(folder)
     if kind is None:
         allowed = ", ".join(kind.file for kind in KINDS.values())
-        raise InputError(f"holds no question of many runs, allowed is a folder with one of {allowed}", file=folder)
+        raise InputError(f"holds no question of many runs, must be a folder with one of {allowed}", file=folder)
     return kind.open(folder)

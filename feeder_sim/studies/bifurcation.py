@@ -121,12 +121,12 @@ def check_scenario(scenario: Scenario) -> None:
             resonance.
     """
     if not isinstance(scenario.plate, PistonPlate) or not isinstance(scenario.guide, Slide):
-        raise InputError('allowed is kind = "slide" over a piston', key="part[0].guide")
+        raise InputError('must be kind = "slide" over a piston', key="part[0].guide")
     if len(scenario.drive) != 1:
-        raise InputError(f"has {len(scenario.drive)} entries, allowed is one", key="drive")
+        raise InputError(f"has {len(scenario.drive)} entries, must be one", key="drive")
     for name in ("natural_frequency_hz", "duration_s"):
         if getattr(scenario.drive[0], name) is not None:
-            raise InputError("is given, allowed is a steady drive at resonance", key=f"drive[0].{name}")
+            raise InputError("is given, must be a steady drive at resonance", key=f"drive[0].{name}")
 
 
 def _driven(scenario: Scenario, amplitude: float) -> Scenario:

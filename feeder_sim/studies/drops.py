@@ -138,9 +138,9 @@ def drop(
     if not table.poses:
         raise InputError("has no stable poses: it lies on any side", key=part.name)
     if drops < 1:
-        raise InputError(f"is {drops}, allowed is at least 1", key="drops")
+        raise InputError(f"is {drops}, must be at least 1", key="drops")
     if contact is not None and contact.tangential_restitution is not None:
-        raise InputError("is given, allowed is none for drops: it is for balls", key="contact.tangential_restitution")
+        raise InputError("is given, must be none for drops: it is for balls", key="contact.tangential_restitution")
     scene = still_plate(part, contact or Contact(), engine)
     starts = Rotation.random(drops, rng=np.random.default_rng(seed))
     ends = [drops * i // (PIECES * workers) for i in range(PIECES * workers + 1)]

@@ -98,7 +98,7 @@ class Question(Table):
         try:
             raw = tomllib.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError as error:
-            raise InputError(f"no such file, allowed is the folder of {cls.kind}", file=path) from error
+            raise InputError(f"no such file, must be the folder of {cls.kind}", file=path) from error
         except (OSError, ValueError) as error:
             raise InputError(f"holds no question of {cls.kind}: {error}", file=path) from error
         nothing = (0, "")  # older versions wrote these for what was not given

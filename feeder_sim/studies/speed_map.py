@@ -401,16 +401,16 @@ def check_mapped(scenario: Scenario) -> None:
             or there is a schedule.
     """
     if not isinstance(scenario.plate, Strip):
-        problem = f'is "{scenario.plate.kind}", allowed is "strip" for a map: a standing wave of any frequency'
+        problem = f'is "{scenario.plate.kind}", must be "strip" for a map: a standing wave of any frequency'
         raise InputError(problem, key="plate.kind")
     if len(scenario.drive) != 1:
-        raise InputError(f"is given {len(scenario.drive)} times, allowed is once for a map", key="drive")
+        raise InputError(f"is given {len(scenario.drive)} times, must be once for a map", key="drive")
     if not isinstance(scenario.part[0].start, Start):
-        raise InputError(f'is "{scenario.part[0].start.kind}", allowed is "point" for a map', key="part[0].start.kind")
+        raise InputError(f'is "{scenario.part[0].start.kind}", must be "point" for a map', key="part[0].start.kind")
     if scenario.run.stop != "passage":
-        raise InputError(f'is "{scenario.run.stop}", allowed is "passage" for a map', key="run.stop")
+        raise InputError(f'is "{scenario.run.stop}", must be "passage" for a map', key="run.stop")
     if not scenario.drive[0].amplitude_um:
-        raise InputError("is 0, allowed is above 0 for a map, whose durations go by it", key="drive[0].amplitude_um")
+        raise InputError("is 0, must be above 0 for a map, whose durations go by it", key="drive[0].amplitude_um")
     check_drifting(prepare(with_run(scenario, seeds=1)))
 
 

@@ -151,7 +151,7 @@ class TableFile:
 
     def __init__(self, file: Path) -> None:
         if file.is_symlink():
-            raise InputError("is a link, allowed is a file of the folder itself", file=file)
+            raise InputError("is a link, must be a file of the folder itself", file=file)
         if not file.is_file():
             raise InputError("is missing: nothing has come so far, the same command goes on", file=file)
         text = text_of(file)
@@ -164,7 +164,7 @@ class TableFile:
 
     def refused(self, allowed: str) -> InputError:
         """The error that says which columns it may have."""
-        return InputError(f"has the columns {quoted(', '.join(self.head))}, allowed is {allowed}", file=self._file)
+        return InputError(f"has the columns {quoted(', '.join(self.head))}, must be {allowed}", file=self._file)
 
     def rows(self, row_of: Callable[[Line], Row]) -> tuple[Row, ...]:
         """All rows, each made of a line; a ValueError or a TypeError says that the line is none.
@@ -178,7 +178,7 @@ class TableFile:
                 try:
                     rows.append(row_of(line))
                 except (ValueError, TypeError, OverflowError):
-                    problem = f"line {number} is {quoted(list(line.values()))}, allowed are numbers"
+                    problem = f"line {number} is {quoted(list(line.values()))}, must be numbers"
                     raise InputError(problem, file=self._file) from None
         except csv.Error as error:
             raise InputError(f"is no table: {error}", file=self._file) from error
@@ -208,7 +208,7 @@ def text_of(file: Path) -> str:
         InputError: it is a link, or cannot be read.
     """
     if file.is_symlink():
-        raise InputError("is a link, allowed is a file of the folder itself", file=file)
+        raise InputError("is a link, must be a file of the folder itself", file=file)
     try:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -40,11 +40,11 @@ def compare_ratios(
     if body.uniform_width:
         raise InputError("says that modes do not vary with the width", key="plate.uniform_width")
     if body.length_mm is None or file.by_elements:
-        raise InputError("is no plain rectangle, allowed is one with --ratios", key="plate")
+        raise InputError("is no plain rectangle, must be one with --ratios", key="plate")
     length = 1e-3 * body.length_mm
     for name, place in (("from", start), ("to", end)):
         if abs(place) >= 0.5 * length:
-            raise InputError(f"is {1e3 * place:g}, allowed is within +-{500.0 * length:g} mm", key=f"--{name}")
+            raise InputError(f"is {1e3 * place:g}, must be within +-{500.0 * length:g} mm", key=f"--{name}")
     for ratio in ratios:
         plate = RectangularPlate(length, length / ratio, 1e-3 * body.thickness_mm, resolve_material(body.material))
         if abs(y) >= 0.5 * plate.width:

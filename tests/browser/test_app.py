@@ -184,12 +184,12 @@ def test_what_cannot_be_stands_beside_the_field(server: tuple[str, Path]) -> Non
         field = page.locator("[data-key='plate.thickness_mm'] input, input[data-key='plate.thickness_mm']").first
         field.fill("-2")
         field.press("Enter")
-        page.locator(".q-field", has_text="allowed is").first.wait_for()
+        page.locator(".q-field", has_text="must be").first.wait_for()
         page.locator(".error", has_text="plate.thickness_mm").wait_for()
         page.locator(".q-uploader input[type=file]").first.set_input_files(
             {"name": "../../evil.txt", "mimeType": "text/plain", "buffer": b"x"}
         )
-        page.wait_for_selector("text=allowed is a file that ends in")
+        page.wait_for_selector("text=must be a file that ends in")
 
 
 def test_a_drawing_is_dropped_and_markup_stays_text(server: tuple[str, Path]) -> None:

@@ -25,7 +25,7 @@ def test_a_scenario_without_a_version_is_of_the_first_one(tmp_path: Path) -> Non
         (tmp_path / f"{name}.toml").write_text(content)
         assert load_scenario(tmp_path / f"{name}.toml") == strip_scenario()
     (tmp_path / "later.toml").write_text(text.replace("format = 1", "format = 2"))
-    check_refused(feeder_sim("check", tmp_path / "later.toml"), "later.toml: format: is 2, allowed is 1")
+    check_refused(feeder_sim("check", tmp_path / "later.toml"), "later.toml: format: is 2, must be 1")
 
 
 def test_a_run_of_before_run_json_is_opened_and_compared(tmp_path: Path) -> None:
@@ -45,7 +45,7 @@ def test_a_recording_of_another_version_says_what_to_do(version: int, tmp_path: 
     shutil.copytree(GOLDEN / "run", tmp_path / "run")
     with h5py.File(tmp_path / "run/trajectory.h5", "r+", libver="latest") as file:
         file.attrs["schema_version"] = version
-    said = (f"schema_version: is {version}, allowed is {SCHEMA_VERSION}", "its scenario has to be run again")
+    said = (f"schema_version: is {version}, must be {SCHEMA_VERSION}", "its scenario has to be run again")
     check_refused(feeder_sim("report", tmp_path / "run"), *said)
 
 
@@ -53,4 +53,4 @@ def test_a_mode_file_of_another_version_says_what_to_do(repository: Path, tmp_pa
     shutil.copy(repository / "models/strip_160/modes.h5", tmp_path)
     with h5py.File(tmp_path / "modes.h5", "r+", libver="latest") as file:
         file.attrs["schema_version"] = 2
-    check_refused(feeder_sim("modes", tmp_path / "modes.h5"), "is 2, allowed is 4", "feeder-sim modes PLATE.toml --out")
+    check_refused(feeder_sim("modes", tmp_path / "modes.h5"), "is 2, must be 4", "feeder-sim modes PLATE.toml --out")

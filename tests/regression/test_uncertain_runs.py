@@ -47,8 +47,8 @@ def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ("words", "said"),
     [
         ("drift_8775hz", "[uncertain]: is missing"),
-        ("ball.toml --indices --inputs 6", "--inputs: is 6, allowed is a power of two"),
-        ("ball.toml --indices --seeds 1", "--seeds: is 1, allowed is 2 or more with indices"),
+        ("ball.toml --indices --inputs 6", "--inputs: is 6, must be a power of two"),
+        ("ball.toml --indices --seeds 1", "--seeds: is 1, must be 2 or more with indices"),
     ],
 )
 def test_what_cannot_be_asked_is_refused_before_anything_is_written(
@@ -75,9 +75,9 @@ def test_a_run_goes_on_with_as_many_draws_as_it_was_begun_with(ball: Path, tmp_p
         assert json.loads(again.stdout)["uncertainty"] == json.loads(done.stdout)["uncertainty"]
         shutil.move(out / "uncertainty", tmp_path / f"before{len(anew)}")
     shutil.move(tmp_path / "before2", out / "uncertainty")
-    check_refused(feeder_sim("run", "--resume", out, "--inputs", 4), "--inputs: is 4, allowed is 3, which the run")
+    check_refused(feeder_sim("run", "--resume", out, "--inputs", 4), "--inputs: is 4, must be 3, which the run")
     (out / "uncertainty/uncertainty.toml").write_text("inputs = true")
-    check_refused(feeder_sim("run", "--resume", out), "uncertainty.toml: inputs: is True, allowed is a whole number")
+    check_refused(feeder_sim("run", "--resume", out), "uncertainty.toml: inputs: is True, must be a whole number")
 
 
 def test_the_plan_counts_the_draws(ball: Path) -> None:

@@ -110,7 +110,7 @@ def test_settings_of_mujoco_go_with_mujoco_alone(name: str) -> None:
     """Where `auto` takes impulses they would be ignored; where it takes MuJoCo they count."""
     other = {f"mujoco.{name}": OTHER_SETTINGS[name], "run.allow_unstable": True}
     for engine in ("auto", "impulse"):
-        line = f'run.engine is "{engine}", allowed is "mujoco" with mujoco.{name}'
+        line = f'run.engine is "{engine}", must be "mujoco" with mujoco.{name}'
         assert line in refused(other | {"run.engine": engine})
     for changes in (OF_COMPLIANT, IN_MUJOCO):
         assert choose_engine(accepted(other | changes)).name == "mujoco"
@@ -125,37 +125,37 @@ def test_every_setting_of_mujoco_is_tried_with_another_value() -> None:
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        (IN_A_PLANE | OF_COMPLIANT, "run.planar is true, allowed is false in MuJoCo"),
+        (IN_A_PLANE | OF_COMPLIANT, "run.planar is true, must be false in MuJoCo"),
         (IN_A_PLANE | OF_COMPLIANT | {"run.engine": "impulse"}, "run."),
         (IN_A_PLANE | OF_COMPLIANT | IN_MUJOCO, "run."),
-        ({"run.planar": True, "part": [NUT]}, "part[0].start.yaw_deg is [0, 360], allowed is one angle"),
-        (ROUGH | OF_COMPLIANT, "part[0].guide.friction is 0.2, allowed is 0 in MuJoCo"),
-        (ROUGH | IN_MUJOCO, "part[0].guide.friction is 0.2, allowed is 0 in MuJoCo"),
-        (IN_A_TUBE | {"plate.rim": True}, "plate.rim is true, allowed is false with part[0].guide"),
+        ({"run.planar": True, "part": [NUT]}, "part[0].start.yaw_deg is [0, 360], must be one angle"),
+        (ROUGH | OF_COMPLIANT, "part[0].guide.friction is 0.2, must be 0 in MuJoCo"),
+        (ROUGH | IN_MUJOCO, "part[0].guide.friction is 0.2, must be 0 in MuJoCo"),
+        (IN_A_TUBE | {"plate.rim": True}, "plate.rim is true, must be false with part[0].guide"),
         (ZENER | {"plate": MODES | {"rim": True}}, "plate.rim = true"),
         (ZENER | {"plate": MODES, "run.reaction": True}, "run.reaction = true"),
-        (NOISE | IN_MUJOCO, "noise_m_s is 1e-06, allowed is 0 or"),
-        (NOISE | {"run.steps_per_period": 40}, "noise_m_s is 1e-06, allowed is 0 or"),
+        (NOISE | IN_MUJOCO, "noise_m_s is 1e-06, must be 0 or"),
+        (NOISE | {"run.steps_per_period": 40}, "noise_m_s is 1e-06, must be 0 or"),
         ({"run.steps_per_period": 40, "run.tolerance_nm": 1.0}, "steps_per_period is 40, allowed"),
-        (IN_MUJOCO | {"run.tolerance_nm": 1.0}, "run.tolerance_nm is 1, allowed is none in Mu"),
-        (NOISE | {"plate": MODES, "part[0].count": 2, "part[0].start": SCATTERED}, "noise_m_s is 1e-06, allowed is 0"),
+        (IN_MUJOCO | {"run.tolerance_nm": 1.0}, "run.tolerance_nm is 1, must be none in Mu"),
+        (NOISE | {"plate": MODES, "part[0].count": 2, "part[0].start": SCATTERED}, "noise_m_s is 1e-06, must be 0"),
         ({"run.steps_per_period": 40} | IN_A_TUBE, 'none with part[0].guide.kind = "tube"'),
         (EXACT | {"part": [DIMER]}, 'none with part[0].shape = "dimer"'),
         (EXACT | IN_A_PLANE, "none with run.planar = true"),
         (EXPONENT | IN_MUJOCO, "contact.restitution_exponent is 0.2"),
-        (EXPONENT | OF_COMPLIANT, "contact.restitution_exponent is 0.2, allowed is 0 in Mu"),
-        (EXPONENT | {"part[0].guide": SLIDE}, 'allowed is 0 with part[0].guide.kind = "sl'),
+        (EXPONENT | OF_COMPLIANT, "contact.restitution_exponent is 0.2, must be 0 in Mu"),
+        (EXPONENT | {"part[0].guide": SLIDE}, 'must be 0 with part[0].guide.kind = "sl'),
         (ZENER | {"contact.restitution_exponent": 0.2, "plate": STRIP}, "restitution_exponent is"),
-        (ZENER | {"plate": STRIP} | IN_MUJOCO, "allowed is a number in MuJoCo"),
+        (ZENER | {"plate": STRIP} | IN_MUJOCO, "must be a number in MuJoCo"),
         (ZENER, 'plate.kind = "piston", which does not bend'),
         (ZENER | {"plate": STRIP, "part": [NUT]}, 'part[0].shape = "hex_nut": its law is for balls'),
-        (TANGENTIAL | IN_MUJOCO, "allowed is none in MuJoCo"),
-        (TANGENTIAL | {"part": [NUT]}, 'allowed is none with part[0].shape = "hex_nut"'),
-        (TANGENTIAL | IN_A_TUBE, "allowed is none with part[0].guide"),
-        (TANGENTIAL | IN_A_PLANE, "allowed is none with run.planar = true"),
-        (ROLLING | IN_MUJOCO, "contact.rolling_friction_um is 5, allowed is 0 in MuJoCo"),
-        (ROLLING | TANGENTIAL, "contact.rolling_friction_um is 5, allowed is 0 with contact.tangential"),
-        (ROLLING | {"part[0].guide": SLIDE}, "contact.rolling_friction_um is 5, allowed is 0 with part[0].guide"),
+        (TANGENTIAL | IN_MUJOCO, "must be none in MuJoCo"),
+        (TANGENTIAL | {"part": [NUT]}, 'must be none with part[0].shape = "hex_nut"'),
+        (TANGENTIAL | IN_A_TUBE, "must be none with part[0].guide"),
+        (TANGENTIAL | IN_A_PLANE, "must be none with run.planar = true"),
+        (ROLLING | IN_MUJOCO, "contact.rolling_friction_um is 5, must be 0 in MuJoCo"),
+        (ROLLING | TANGENTIAL, "contact.rolling_friction_um is 5, must be 0 with contact.tangential"),
+        (ROLLING | {"part[0].guide": SLIDE}, "contact.rolling_friction_um is 5, must be 0 with part[0].guide"),
     ],
 )
 def test_what_no_engine_can_do_is_refused_by_its_key(changes: Raw, line: str) -> None:
@@ -164,7 +164,7 @@ def test_what_no_engine_can_do_is_refused_by_its_key(changes: Raw, line: str) ->
 
 def test_zener_needs_one_modulus_of_plate_and_balls() -> None:
     silicon = accepted(ZENER | {"plate": STRIP | {"material": "silicon"}})
-    assert "allowed is a number for an orthotropic material" in refusal(build_scene, silicon)
+    assert "must be a number for an orthotropic material" in refusal(build_scene, silicon)
 
 
 PLATES: list[Raw] = [

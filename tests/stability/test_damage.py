@@ -170,7 +170,7 @@ def test_run_does_not_go_on_with_another_version(changed: str, tmp_path: Path, m
     (tmp_path / SUMMARY).unlink()
     other = versions | {changed: versions[changed] + "0"}
     monkeypatch.setattr(provenance, "library_versions", lambda: other)
-    with pytest.raises(InputError, match=f"--resume: was begun with another version of {changed}, allowed is the same"):
+    with pytest.raises(InputError, match=f"--resume: was begun with another version of {changed}, must be the same"):
         resume_run(tmp_path, replay=False)
 
 
@@ -367,4 +367,4 @@ def test_no_time_beyond_the_record_is_shown(tmp_path: Path) -> None:
     assert time_shown(tmp_path / "crowd", 5.0, slow=True) == 5.0
     assert time_shown(tmp_path / "crowd", None) == 1.0 and time_shown(tmp_path / "crowd", None, seed=1) < 1.0
     refused = feeder_sim("replay", tmp_path / "ball", "--screenshot", tmp_path / "s.png", "--at", 4)
-    check_refused(refused, "--at: is 4, allowed is 0 to 2.99", "seed 0 is recorded for 2.99")
+    check_refused(refused, "--at: is 4, must be 0 to 2.99", "seed 0 is recorded for 2.99")

@@ -175,11 +175,11 @@ HEAPED = NUT | {"count": 9, "start": {"kind": "heap", "diameter_mm": 1e5}}
     ("changes", "line"),
     [
         ({"drive": [{"frequency_hz": 1.0, "amplitude_um": 3000.0}] * 20}, "adds up to 6e+04 um"),
-        ({"drive": [{"frequency_hz": 1e6, "amplitude_um": 3000.0}]}, "allowed is up to 100"),
-        ({"plate": PISTON}, "allowed is up to the plate's longer side"),
+        ({"drive": [{"frequency_hz": 1e6, "amplitude_um": 3000.0}]}, "must be up to 100"),
+        ({"plate": PISTON}, "must be up to the plate's longer side"),
         ({"plate": PISTON | {"length_mm": 1e-3, "width_mm": 1e-3}}, "longer side"),
-        ({"drive": [DRIVE | {"start_s": 1e9}]}, "drive[0].start_s: is 1e+09, allowed is before the end"),
-        ({"plate": HALL, "part": [HEAPED]}, "diameter_mm: is 100000, allowed is up to 500 times"),
+        ({"drive": [DRIVE | {"start_s": 1e9}]}, "drive[0].start_s: is 1e+09, must be before the end"),
+        ({"plate": HALL, "part": [HEAPED]}, "diameter_mm: is 100000, must be up to 500 times"),
     ],
 )
 def test_what_nobody_can_mean_is_refused(changes: dict[str, Any], line: str) -> None:
@@ -224,7 +224,7 @@ MANY_STAGES = REST + "[schedule]\ncycles = 10000\n" + "[[schedule.stage]]\ndurat
         ("x = {" + "a." * 60_000 + "a = 1}\n", "nested too deep"),
         ('title = "' + "x" * 3_000_000 + '"\n', "3.0 MB long"),
         (REST + "[[drive]]\nfrequency_hz = 1.0\namplitude_um = 0.0\n" * 10_000, "at most 100 items"),
-        (MANY_STAGES, "allowed are up to 100000"),
+        (MANY_STAGES, "must be up to 100000"),
     ],
     ids=["key", "key in a table", "text", "drives", "stages"],
 )

@@ -186,7 +186,7 @@ def test_a_seed_that_does_not_get_on_ends_as_failed_and_the_others_go_on(
 
 
 def test_patience_that_is_none_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"stall_after: is -1\.0, allowed is a time in seconds over 0"):
+    with pytest.raises(InputError, match=r"stall_after: is -1\.0, must be a time in seconds over 0"):
         feeder_sim.simulate(strip_scenario(), stall_after=-1.0)
     check_refused(command("run", "drift_4750hz", "--stall-after", "0", cwd=tmp_path), "--stall-after")
     assert not (tmp_path / "runs").exists()

@@ -164,7 +164,7 @@ def test_a_scenario_in_a_folder_of_the_user_or_of_a_question_is_no_run(beside: l
     for name in ("scenario.toml", *beside):
         (tmp_path / name).write_text(toml_of(BALL_ON_SLIDE))
     before = contents(tmp_path)
-    check_refused(feeder_sim("run", "--resume", tmp_path), "--resume: no run here, allowed is a folder that holds")
+    check_refused(feeder_sim("run", "--resume", tmp_path), "--resume: no run here, must be a folder that holds")
     assert contents(tmp_path) == before
 
 

@@ -111,7 +111,7 @@ def test_files_that_are_put_in_have_names_of_their_own(tmp_path: Path) -> None:
     assert put_in(tmp_path, "<b>.dxf", b"").name == "b.dxf"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["b.dxf", "my_part.stl", "my_part_2.stl"]
     for name in ("evil.py", "evil", ".stl.exe"):
-        with pytest.raises(InputError, match="allowed is a file that ends in"):
+        with pytest.raises(InputError, match="must be a file that ends in"):
             put_in(tmp_path, name, b"")
     with pytest.raises(InputError, match="MB"):
         put_in(tmp_path, "large.stl", bytes(60_000_001))

@@ -54,7 +54,7 @@ def test_values_may_come_from_numpy() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"drive[1].amplitude_um": 1}, "drive[1].amplitude_um: has the number [1], allowed is 0 to 0"),
+        ({"drive[1].amplitude_um": 1}, "drive[1].amplitude_um: has the number [1], must be 0 to 0"),
         ({"drvie[0].amplitude_um": 1}, "unknown key drvie (did you mean 'drive'?)"),
         ({"contact.frction": 1}, "contact.frction: unknown key (did you mean 'friction'?)"),
         ({"drive.amplitude_um": 1}, "drive.amplitude_um: drive is a list; write drive[0].amplitude_um"),
@@ -62,8 +62,8 @@ def test_values_may_come_from_numpy() -> None:
         ({"part[0].start.position_mm.x": 1}, "position_mm.x: leads into a value that is no table"),
         ({"title.a": 1}, "title.a: leads into a value that is no table"),
         ({"contact[0].friction": 1}, "has the number [0] where there is no list"),
-        ({"contact..friction": 1}, "is no key, allowed is for example"),
-        ({"run.seeds": 2.5}, "run.seeds: is 2.5, allowed is a valid integer"),
+        ({"contact..friction": 1}, "is no key, must be for example"),
+        ({"run.seeds": 2.5}, "run.seeds: is 2.5, must be a valid integer"),
     ],
 )
 def test_a_change_that_is_not_allowed_is_refused(changes: dict[str, Any], said: str) -> None:
@@ -98,13 +98,13 @@ def test_set_on_the_command_line(repository: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("contact.restitution = { uniform = [0.2, 1.5] }", "may be 1.5: allowed is less than or equal to 1"),
+        ("contact.restitution = { uniform = [0.2, 1.5] }", "may be 1.5: must be less than or equal to 1"),
         ("contact.restituton = { uniform = [0.2, 0.5] }", "there is no such key"),
-        ("contact.restitution = { uniform = [0.5, 0.2] }", "allowed is [low, high] with low < high"),
-        ("contact.restitution = { normal = [0.5, 0.3] }", "may be -0.4: allowed is greater"),
+        ("contact.restitution = { uniform = [0.5, 0.2] }", "must be [low, high] with low < high"),
+        ("contact.restitution = { normal = [0.5, 0.3] }", "may be -0.4: must be greater"),
         ("contact.restitution = { uniform = [0, 1], choice = [0, 1] }", "exactly one of"),
-        ("'drive[3].amplitude_um' = { uniform = [0, 1] }", "allowed is 0 to 0"),
-        ("run.seed = { choice = [0, 1] }", "allowed is a key that decides what a run does"),
+        ("'drive[3].amplitude_um' = { uniform = [0, 1] }", "must be 0 to 0"),
+        ("run.seed = { choice = [0, 1] }", "must be a key that decides what a run does"),
         ("'a..b' = { choice = [0, 1] }", "is no key"),
     ],
 )

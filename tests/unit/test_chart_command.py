@@ -132,7 +132,7 @@ def test_tasks_of_a_job_array_come_to_the_same_chart(tmp_path: Path) -> None:
 
 
 def test_wrong_measures_and_methods(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="measure: is 'speed', allowed are"):
+    with pytest.raises(InputError, match="measure: is 'speed', must be"):
         charted(strip_scenario(seeds=4), measure="speed")
     with pytest.raises(InputError, match="method"):
         chart(strip_scenario(), method="runge-kutta")

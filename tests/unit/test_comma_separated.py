@@ -18,7 +18,7 @@ from feeder_sim.studies.study import TableFile
 def test_another_separator_is_named(separator: str, word: str, tmp_path: Path) -> None:
     text = "# remarks, with commas; semicolons\n\n" + separator.join(["x_mm", "y_mm", "mode_1"])
     for read in (check_commas, read_shapes_csv, partial(read_waveform, arm=0.1)):
-        expected = f"own.csv: has {word} between its columns, allowed are commas, and points in numbers"
+        expected = f"own.csv: has {word} between its columns, must be commas, and points in numbers"
         assert refusal(read, text, Path("own.csv")) == expected
     (tmp_path / "table.csv").write_text(separator.join(["point", "mean"]))
     assert f"has {word}" in refusal(TableFile, tmp_path / "table.csv")

@@ -125,7 +125,7 @@ def test_modes_are_computed_listed_stored_and_drawn(tmp_path: Path) -> None:
     assert (tmp_path / "m.png").read_bytes().startswith(b"\x89PNG")
     check_refused(feeder_sim("modes", plate, "--out", tmp_path / "m.h5"), "exists already")
     too_high = feeder_sim("modes", tmp_path / "m.h5", "--picture", tmp_path / "n.png", "--mode", 99)
-    check_refused(too_high, "allowed is 1 to 59")
+    check_refused(too_high, "must be 1 to 59")
 
 
 @pytest.mark.parametrize(

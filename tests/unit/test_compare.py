@@ -145,7 +145,7 @@ def test_files_are_compared_by_content_and_versions_by_name(tmp_path: Path) -> N
 
 
 def test_what_is_no_run_is_refused_in_one_line(runs: Path, tmp_path: Path) -> None:
-    check_refused(feeder_sim("compare", runs / "a", tmp_path), "no run here, allowed is a folder that holds")
+    check_refused(feeder_sim("compare", runs / "a", tmp_path), "no run here, must be a folder that holds")
     shutil.copytree(runs / "a", tmp_path / "cut")
     content = (runs / "a/trajectory.h5").read_bytes()
     (tmp_path / "cut/trajectory.h5").write_bytes(content[: len(content) // 4])

@@ -181,12 +181,12 @@ def test_files_that_are_no_map_are_refused(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr("feeder_sim.studies.drift_map.files.VERSION", 0)
     save_map(held, path)
     monkeypatch.undo()
-    assert "version 0, allowed is 2" in refusal(load_map, path)
+    assert "version 0, must be 2" in refusal(load_map, path)
 
 
 def test_drives_beyond_the_map_are_refused() -> None:
     for changes, said in (
-        ({"drive[0].frequency_hz": 11000.0}, "is 11000, allowed is 400 to 10000"),
+        ({"drive[0].frequency_hz": 11000.0}, "is 11000, must be 400 to 10000"),
         ({"drive[0].amplitude_um": 25.0}, "moves an antinode at 0.746 m/s"),
         ({"drive": 2 * [DRIVE]}, "drives 2 modes at once"),
     ):

@@ -125,15 +125,15 @@ def test_the_command_cuts_a_part(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--unit -1", "hook.stl: --unit: is -1.0, allowed is greater"),
-        ("--unit nan", "hook.stl: --unit: is nan, allowed is a finite number"),
+        ("--unit -1", "hook.stl: --unit: is -1.0, must be greater"),
+        ("--unit nan", "hook.stl: --unit: is nan, must be a finite number"),
         ("--friction -1", "hook.stl: --friction: is -1.0"),
-        ("--engine magic", "--engine: is 'magic', allowed is impulse, mujoco"),
-        ("--material wood", "hook.stl: --material: is 'wood', allowed is one of"),
-        ("--restitution 1.5", "hook.stl: --restitution: is 1.5, allowed is"),
-        ("--unit 1000", "hook.stl: is 1.2e+04 mm long with --unit = 1000, allowed is 0.1 to 300 mm"),
+        ("--engine magic", "--engine: is 'magic', must be impulse, mujoco"),
+        ("--material wood", "hook.stl: --material: is 'wood', must be one of"),
+        ("--restitution 1.5", "hook.stl: --restitution: is 1.5, must be"),
+        ("--unit 1000", "hook.stl: is 1.2e+04 mm long with --unit = 1000, must be 0.1 to 300 mm"),
         ("--piece-error-mm 0.1", "--piece-error-mm: belongs to --pieces"),
-        ("--picture poses.txt", "--picture: is '.txt', allowed is .png"),
+        ("--picture poses.txt", "--picture: is '.txt', must be .png"),
     ],
 )
 def test_bad_options(options: str, message: str) -> None:

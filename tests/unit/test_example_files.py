@@ -45,7 +45,7 @@ def test_without_examples_there_are_none(tmp_path: Path, monkeypatch: pytest.Mon
     assert examples_folder() is None and examples() == {} and starter_folder() is None
     assert "drift_4750hz: no such file" in refusal(scenario_path, "drift_4750hz")
     assert "modes.h5: no such file" in refusal(example_file, "models/plate_180/modes.h5")
-    check_refused(feeder_sim("new", tmp_path / "a"), "without its examples, allowed is --from")
+    check_refused(feeder_sim("new", tmp_path / "a"), "without its examples, must be --from")
 
 
 def test_a_name_is_that_of_a_file_before_that_of_an_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,7 +54,7 @@ def test_a_name_is_that_of_a_file_before_that_of_an_example(tmp_path: Path, monk
     for command in ("run", "check"):
         slow = feeder_sim(command, "drift_4750hz", "--engine", "slow")
         check_refused(slow, "drift_4750hz.toml: run.engine: is 'slow'")
-    check_refused(feeder_sim("bifurcation", "drift_4750hz", "--from", 5, "--to", 1), "allowed is 0 < --from < --to")
+    check_refused(feeder_sim("bifurcation", "drift_4750hz", "--from", 5, "--to", 1), "must be 0 < --from < --to")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "drift_4750hz").mkdir()
     assert scenario_path("drift_4750hz") == Path("drift_4750hz")
@@ -70,8 +70,8 @@ def test_a_name_is_that_of_a_file_before_that_of_an_example(tmp_path: Path, monk
         ("mine/separate.toml", "no such file (did you mean 'mine/seperate.toml'?)"),
         ("seperat", "no such file, and no such example (did you mean 'seperate.toml'?)"),
         ("zzz", "no such file, and no such example; feeder-sim list shows all"),
-        ("..", "is no file, allowed is a text file"),
-        ("", "is no file, allowed is a text file"),
+        ("..", "is no file, must be a text file"),
+        ("", "is no file, must be a text file"),
     ],
 )
 def test_a_mistyped_name_gets_the_nearest_one(

@@ -204,23 +204,23 @@ def test_another_seed_begins_as_a_new_feeder_does() -> None:
 
 
 REFUSED: list[tuple[str, Any]] = [
-    ("stage: is 'on'(?s:.*)allowed are out, in", lambda feeder: feeder.vibrate("on")),
-    ("stage: is 2, allowed is 0 to 1", lambda feeder: feeder.vibrate(2)),
-    ("stage: is True, allowed is a stage", lambda feeder: feeder.vibrate(True)),
-    ("vibrate: allowed is exactly one", lambda feeder: feeder.vibrate()),
-    ("vibrate: allowed is exactly one", lambda feeder: feeder.vibrate("out", duration_s=1.0)),
+    ("stage: is 'on'(?s:.*)must be out, in", lambda feeder: feeder.vibrate("on")),
+    ("stage: is 2, must be 0 to 1", lambda feeder: feeder.vibrate(2)),
+    ("stage: is True, must be a stage", lambda feeder: feeder.vibrate(True)),
+    ("vibrate: must be exactly one", lambda feeder: feeder.vibrate()),
+    ("vibrate: must be exactly one", lambda feeder: feeder.vibrate("out", duration_s=1.0)),
     ("duration_s: is missing", lambda feeder: feeder.vibrate(name="x")),
     ("unknown key", lambda feeder: feeder.vibrate(duration_s=1.0, length=3)),
     ("another stage has", lambda feeder: feeder.vibrate(name="out", duration_s=1.0)),
     ("drives a mode that no other", lambda feeder: feeder.vibrate(drive=[EXTRA], duration_s=1.0)),
-    ("pick: is 9, allowed are the numbers of the 4 parts", lambda feeder: feeder.pick([0, 9])),
-    ("pick: is 0.5, allowed is the number", lambda feeder: feeder.pick(0.5)),
+    ("pick: is 9, must be the numbers of the 4 parts", lambda feeder: feeder.pick([0, 9])),
+    ("pick: is 0.5, must be the number", lambda feeder: feeder.pick(0.5)),
     ("pick: names a part twice", lambda feeder: feeder.pick([1, 1])),
     ("clearance_mm: is -1", lambda feeder: feeder.pick_by({"clearance_mm": -1.0})),
-    ('up: has "Q", allowed is A, B', lambda feeder: feeder.pick_by({"clearance_mm": 1.0, "up": ["Q"]})),
-    ("refill: is missing, allowed is a scenario that", lambda feeder: feeder.refill(1)),
-    ("refill: is 0, allowed is a whole number", lambda feeder: feeder.refill(0)),
-    ("refill: is 1000000000, allowed is a whole number from 1 to", lambda feeder: feeder.refill(10**9)),
+    ('up: has "Q", must be A, B', lambda feeder: feeder.pick_by({"clearance_mm": 1.0, "up": ["Q"]})),
+    ("refill: is missing, must be a scenario that", lambda feeder: feeder.refill(1)),
+    ("refill: is 0, must be a whole number", lambda feeder: feeder.refill(0)),
+    ("refill: is 1000000000, must be a whole number from 1 to", lambda feeder: feeder.refill(10**9)),
     ("stage: duration_s: is 1000000000.0, allowed", lambda feeder: feeder.vibrate(duration_s=1e9)),
 ]
 
@@ -247,7 +247,7 @@ def test_recording_begins_at_the_start_and_ends_once(tmp_path: Path) -> None:
     (tmp_path / "held").mkdir()
     (tmp_path / "held" / "file").touch()
     line = refusal(Feeder(scenario()).record, tmp_path / "held")
-    assert line.endswith("held: folder: is not empty (file), allowed is a new or an empty folder")
+    assert line.endswith("held: folder: is not empty (file), must be a new or an empty folder")
     assert "nothing to record" in refusal(Feeder(scenario()).record(tmp_path / "none").close)
 
 
@@ -267,7 +267,7 @@ def test_a_sequence_names_stages() -> None:
     change = scenario().changed
     assert 'sequence[1] is "inn" (did you mean' in refusal(change, {"schedule.sequence": ["out", "inn"]})
     twice = {"schedule.sequence": ["out"], "stage[1].name": "out"}
-    assert "allowed is a name of its own" in refusal(change, twice)
+    assert "must be a name of its own" in refusal(change, twice)
 
 
 def test_reprs_say_where_it_is_and_stay_short(tmp_path: Path) -> None:

@@ -68,12 +68,12 @@ def test_picks_can_be_the_reward_with_their_time_beside_them() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"most_steps": 0}, "most_steps: is 0, allowed is a whole number from 1 on"),
+        ({"most_steps": 0}, "most_steps: is 0, must be a whole number from 1 on"),
         ({"most_steps": 2.5}, "most_steps: is 2.5, allowed"),
-        ({"refill_below": 1000}, "refill_below: is 1000, allowed is a whole number from 0 to 4"),
+        ({"refill_below": 1000}, "refill_below: is 1000, must be a whole number from 0 to 4"),
         ({"refill_below": -1}, "refill_below: is -1, allowed"),
-        ({"reward": "money"}, "reward: is 'money', allowed are rate, picks"),
-        ({"pick": 3}, "pick: is 3, allowed is a Pick"),
+        ({"reward": "money"}, "reward: is 'money', must be rate, picks"),
+        ({"pick": 3}, "pick: is 3, must be a Pick"),
         ({"pick": Pick(part="bolt", clearance_mm=1.0)}, 'pick.part: is "bolt", allowed'),
     ],
 )
@@ -86,7 +86,7 @@ def test_arguments_are_checked_before_any_step(changes: dict[str, Any], said: st
 def test_an_action_is_the_number_of_a_stage(action: Any) -> None:
     env = environment()
     env.reset(seed=1)
-    with pytest.raises(InputError, match=r"^action: is .*, allowed is a whole number from 0 to"):
+    with pytest.raises(InputError, match=r"^action: is .*, must be a whole number from 0 to"):
         env.step(action)
     assert env.feeder.time == 0.0
 
@@ -95,14 +95,14 @@ def test_a_step_after_the_end_is_refused_until_a_reset() -> None:
     env = environment(most_steps=1)
     env.reset(seed=1)
     assert env.step(np.int64(0))[3]
-    with pytest.raises(InputError, match=r"^step: comes after the end of an episode, allowed is `reset` first"):
+    with pytest.raises(InputError, match=r"^step: comes after the end of an episode, must be `reset` first"):
         env.step(np.int64(0))
     env.reset(seed=1)
     assert env.step(np.int64(0))[3]
 
 
 def test_a_refill_needs_one_in_the_scenario() -> None:
-    with pytest.raises(InputError, match=r"refill_below: is 2, allowed is 0 without a \[refill\]"):
+    with pytest.raises(InputError, match=r"refill_below: is 2, must be 0 without a \[refill\]"):
         environment(refill_below=2)
 
 

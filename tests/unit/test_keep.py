@@ -106,10 +106,10 @@ def test_what_cannot_be_kept_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^record: is ImpactsOnly\(\), .* impacts are recorded of a part in a guide"):
         feeder_sim.record_run(scenario, tmp_path / "run", record=ImpactsOnly())
     assert not (tmp_path / "run").exists()
-    with pytest.raises(InputError, match=r"^record: is 'all', allowed are AllFrames\(\), EveryNth\(n\)"):
+    with pytest.raises(InputError, match=r"^record: is 'all', must be AllFrames\(\), EveryNth\(n\)"):
         feeder_sim.simulate(scenario, record="all")  # type: ignore[arg-type]
     for n in (0, -1, 2.0, True):
-        with pytest.raises(InputError, match=r"^EveryNth\(n\): is .*, allowed is a whole number of at least 1"):
+        with pytest.raises(InputError, match=r"^EveryNth\(n\): is .*, must be a whole number of at least 1"):
             EveryNth(n)  # type: ignore[arg-type]
     assert EveryNth(3) == EveryNth(3) != AllFrames()  # type: ignore[comparison-overlap]
 
@@ -117,7 +117,7 @@ def test_what_cannot_be_kept_is_refused(tmp_path: Path) -> None:
 def test_dropped_frames_are_said_not_to_be_there() -> None:
     dropped = feeder_sim.simulate(bouncing(), record=StatisticsOnly())
     for ask in (dropped.to_xarray, lambda: dropped.to_frame("frames"), dropped.plot.path):
-        with pytest.raises(InputError, match=r"^frames: were not kept, allowed is record="):
+        with pytest.raises(InputError, match=r"^frames: were not kept, must be record="):
             ask()
     with pytest.raises(InputError, match=r"^impacts: were not kept"):
         dropped.to_frame("impacts")

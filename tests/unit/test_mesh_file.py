@@ -231,12 +231,12 @@ def test_too_many_facets_are_refused_unread(tmp_path: Path) -> None:
         file.write(b"\0" * 80 + struct.pack("<I", 10_000_000))
         file.truncate(84 + 50 * 10_000_000)  # takes no room on the disk
     problem = refusal(closed_mesh, tmp_path / "fine.stl", 1.0)
-    assert f"has 10000000 facets, allowed is up to {MOST_FACETS}: reduce them" in problem
+    assert f"has 10000000 facets, must be up to {MOST_FACETS}: reduce them" in problem
     (tmp_path / "fine.ply").write_text("ply\nformat ascii 1.0\nelement vertex 8\nelement face 3000000\nend_header\n")
     assert "has 3000000 facets" in refusal(closed_mesh, tmp_path / "fine.ply", 1.0)
     with (tmp_path / "fine.obj").open("wb") as file:
         file.truncate(MOST_BYTES + 1)
-    assert "MB, allowed is up to 20 MB" in refusal(closed_mesh, tmp_path / "fine.obj", 1.0)
+    assert "MB, must be up to 20 MB" in refusal(closed_mesh, tmp_path / "fine.obj", 1.0)
 
 
 def test_normals_of_a_text_that_disagree(tmp_path: Path) -> None:
@@ -315,7 +315,7 @@ def test_a_part_is_cut_and_read_back(tmp_path: Path) -> None:
     assert len(back) == len(pieces) == 2
     for written, found in zip(pieces, back, strict=True):
         assert found == pytest.approx(written[0], abs=1e-5)
-    assert "--piece-error-mm: is 40, allowed is 0.06 to 3" in refusal(make_pieces, mesh, 1.0, 40.0)
+    assert "--piece-error-mm: is 40, must be 0.06 to 3" in refusal(make_pieces, mesh, 1.0, 40.0)
 
 
 def test_pieces_of_another_mesh(hook: Path) -> None:
@@ -363,7 +363,7 @@ def test_what_the_hull_hides_is_said(hook: Path) -> None:
     assert set(input_hashes(scenario)) == {"part[0].file"}
     (line,) = [line for line in prepare(scenario).warnings if "hull" in line]
     assert line.startswith("part[0]: its hull has 2.1 times its volume: parts cannot hook or nest")
-    assert "pieces is given, allowed is none" in refusal(scenario_of, hook, pieces="hook_pieces.obj")
+    assert "pieces is given, must be none" in refusal(scenario_of, hook, pieces="hook_pieces.obj")
     alone = scenario.changed({"part[0].count": 1})
     assert not [line for line in prepare(alone).warnings if "hull" in line]
 

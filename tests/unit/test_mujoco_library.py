@@ -16,7 +16,7 @@ from feeder_sim.errors import FeederSimError
 @pytest.mark.parametrize("version", ["3.12.0", "4.0.0"])
 def test_a_version_that_does_not_do_is_refused(monkeypatch: pytest.MonkeyPatch, version: str) -> None:
     monkeypatch.setattr(mujoco, "__version__", version)
-    with pytest.raises(FeederSimError, match=rf"MuJoCo is {version}, allowed is 3\.13 or newer except 4\.0\.0"):
+    with pytest.raises(FeederSimError, match=rf"MuJoCo is {version}, must be 3\.13 or newer except 4\.0\.0"):
         load_mujoco_symbols()
 
 

@@ -87,10 +87,10 @@ def test_nothing_is_written_over(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     for name, said in (
-        ("full", "is not empty (notes.txt), allowed is a new or an empty folder"),
-        ("file", "is there already, allowed is a new or an empty folder"),
-        ("link", "is there already, allowed is a new or an empty folder"),
-        ("no/where", "allowed is a new folder in one that exists"),
+        ("full", "is not empty (notes.txt), must be a new or an empty folder"),
+        ("file", "is there already, must be a new or an empty folder"),
+        ("link", "is there already, must be a new or an empty folder"),
+        ("no/where", "must be a new folder in one that exists"),
     ):
         check_refused(feeder_sim("new", tmp_path / name), said)
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "full", "link", "notes.txt"]

@@ -139,10 +139,10 @@ def test_growth_is_not_told_off_the_middle() -> None:
 @pytest.mark.parametrize(
     ("source", "options", "says"),
     [
-        (STRIP, "--from -81", "--from: is -81, allowed is within +-80 mm"),
-        (STRIP, "--y 70", "--y: is 70, allowed is within +-60 mm"),
-        (STRIP, "--modes 1,9", "--modes: is 1,9, allowed are numbers from 1 to 5"),
-        (STRIP, "--modes one", "--modes: is one, allowed are numbers from 1 to 5"),
+        (STRIP, "--from -81", "--from: is -81, must be within +-80 mm"),
+        (STRIP, "--y 70", "--y: is 70, must be within +-60 mm"),
+        (STRIP, "--modes 1,9", "--modes: is 1,9, must be numbers from 1 to 5"),
+        (STRIP, "--modes one", "--modes: is one, must be numbers from 1 to 5"),
         (STRIP, "--limit 0.3", "no sequence of up to 6 modes reaches 0 mm"),
         (RECTANGLE, "--y 20 --growth 1.5", "--growth: belongs to the middle of the plate"),
         (RECTANGLE, "--modes 2,10 --ratios 1:2:3", "--modes: follows one plate's modes"),
@@ -150,7 +150,7 @@ def test_growth_is_not_told_off_the_middle() -> None:
         (STRIP.with_name("modes.h5"), "--ratios 1:2:3", "holds the modes of one plate"),
         (RECTANGLE, "--growth 0.05", "with every k below 1 and an offset that grows by less than 0.05"),
         *(
-            (RECTANGLE, f"--ratios {wrong}", f"--ratios: is {wrong}, allowed is LEAST:LARGEST:NUMBER")
+            (RECTANGLE, f"--ratios {wrong}", f"--ratios: is {wrong}, must be LEAST:LARGEST:NUMBER")
             for wrong in ("1:2", "2:1:5", "1:2:1", "a:b:c", "0:2:5", "1:nan:5")
         ),
     ],

@@ -79,12 +79,12 @@ DIMER: dict[str, Any] = {
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("part[0].length_mm", 9.0, "length_mm is 9, allowed is at least 10"),
-        ("part[0].rod_diameter_mm", 6.0, "rod_diameter_mm is 6, allowed is up to ball_diameter_mm"),
-        ("part[0].guide.kind", "slide", "guide is given, allowed is none for a dimer"),
-        ("part[0].count", 2, "part.count adds up to 2, allowed is 1 with a dimer"),
-        ("plate.rim", True, "plate.rim is true, allowed is false with a dimer"),
-        ("run.engine", "mujoco", 'run.engine is "mujoco", allowed is "impulse" with a dimer'),
+        ("part[0].length_mm", 9.0, "length_mm is 9, must be at least 10"),
+        ("part[0].rod_diameter_mm", 6.0, "rod_diameter_mm is 6, must be up to ball_diameter_mm"),
+        ("part[0].guide.kind", "slide", "guide is given, must be none for a dimer"),
+        ("part[0].count", 2, "part.count adds up to 2, must be 1 with a dimer"),
+        ("plate.rim", True, "plate.rim is true, must be false with a dimer"),
+        ("run.engine", "mujoco", 'run.engine is "mujoco", must be "impulse" with a dimer'),
     ],
 )
 def test_a_dimer_is_refused_where_it_would_meet_other_bodies(key: str, value: Any, message: str) -> None:

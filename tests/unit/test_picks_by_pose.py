@@ -156,13 +156,13 @@ ALL: dict[str, Any] = {"clearance_mm": 5.0}
 @pytest.mark.parametrize(
     ("pick", "line"),
     [
-        (ALL | {"part": "nut"}, 'pick.part is "nut", allowed is hex_nut, rod'),
+        (ALL | {"part": "nut"}, 'pick.part is "nut", must be hex_nut, rod'),
         ([ALL, ALL | {"up": ["A"]}], "pick[1].up needs the kind whose poses are meant, part: hex_nut, rod"),
-        ([ALL | {"part": "rod", "up": ["C"]}], 'pick[0].up: has "C", allowed is A, B (poses of rod'),
-        ([ALL | {"part": "rod", "up": ["top"]}], 'has "top", allowed is A, B (poses of rod, see feeder-sim part), +x'),
-        ({"up": ["A"]}, "allowed is clearance_mm, shape or both"),
+        ([ALL | {"part": "rod", "up": ["C"]}], 'pick[0].up: has "C", must be A, B (poses of rod'),
+        ([ALL | {"part": "rod", "up": ["top"]}], 'has "top", must be A, B (poses of rod, see feeder-sim part), +x'),
+        ({"up": ["A"]}, "must be clearance_mm, shape or both"),
         ([ALL, {"shape": "none.stl"}], "stage[0].pick[1].shape: no such mesh file"),
-        (3, "schedule.stage[0].pick: is 3, allowed is a table"),
+        (3, "schedule.stage[0].pick: is 3, must be a table"),
     ],
 )
 def test_bad_picks_are_one_line(pick: Any, line: str) -> None:
@@ -175,8 +175,8 @@ def test_bad_grippers_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "ring.stl: schedule.stage[0].pick.shape: holds a body whose hull has " in message
     path = fingers(tmp_path)
     for scale, shift_mm, problem in (
-        (1e-3, 0.0, "is 0.02 mm long, allowed is at least 0.1 mm"),
-        (1e3, 0.0, "mm from its origin, allowed is up to 1000 mm"),
+        (1e-3, 0.0, "is 0.02 mm long, must be at least 0.1 mm"),
+        (1e3, 0.0, "mm from its origin, must be up to 1000 mm"),
         (1.0, -0.02, "reaches 0.02 mm below the plate"),
     ):
         mesh = trimesh.load_mesh(path).apply_scale(scale).apply_translation([0.0, 0.0, shift_mm])
@@ -186,7 +186,7 @@ def test_bad_grippers_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     back_to_back.export(tmp_path / "flat.ply")
     assert "encloses no volume" in refusal(read_gripper, tmp_path / "flat.ply")
     monkeypatch.setattr(mesh_file, "MOST_FACETS", 20)  # two boxes have 24
-    assert "has 24 facets, allowed is up to 20" in refusal(read_gripper, path)
+    assert "has 24 facets, must be up to 20" in refusal(read_gripper, path)
 
 
 def test_a_gripper_that_has_changed_is_read_again(tmp_path: Path) -> None:

@@ -150,12 +150,12 @@ def test_compare(tmp_path: Path) -> None:
 
 DRIFT = strip_scenario()
 REFUSED: list[tuple[Callable[[], Any], str]] = [
-    (lambda: feeder_sim.sweep(DRIFT, ["a"]), r"vary: is \['a'\], allowed is a dictionary"),  # type: ignore[arg-type]
+    (lambda: feeder_sim.sweep(DRIFT, ["a"]), r"vary: is \['a'\], must be a dictionary"),  # type: ignore[arg-type]
     (lambda: feeder_sim.sweep("x", {}), "scenario: is 'x', allowed"),  # type: ignore[arg-type]
-    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [object()]}), "allowed are numbers, texts and tables"),
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [object()]}), "must be numbers, texts and tables"),
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, measure=3), "measure: is 3, allowed"),  # type: ignore[arg-type]
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se="3%"), "until_se: is '3%', allowed"),  # type: ignore[arg-type]
-    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se=2), "until_se: is 2, allowed is less than 1"),
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se=2), "until_se: is 2, must be less than 1"),
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se=0.1), "measure: is missing"),
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, zip=True, sobol=4), "zip, sobol: are both given"),
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1, 1]}), r"vary drive\[0\]\.amplitude_um: "),
@@ -166,9 +166,9 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", sampler="x"), "sampler: is 'x', allowed"),  # type: ignore[arg-type]
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", budget_s=0), "budget_s: is 0, allowed"),
     (lambda: feeder_sim.uncertainty(DRIFT), r"\[uncertain\]: is missing"),
-    (lambda: feeder_sim.uncertainty(UNCERTAIN, indices=True, inputs=6), "inputs: is 6, allowed is a power of two"),
-    (lambda: feeder_sim.uncertainty(UNCERTAIN, indices=True, seeds=1), "seeds: is 1, allowed is 2 or more"),
-    (lambda: feeder_sim.compare(3, 4), "first: is 3, allowed is a path"),  # type: ignore[arg-type]
+    (lambda: feeder_sim.uncertainty(UNCERTAIN, indices=True, inputs=6), "inputs: is 6, must be a power of two"),
+    (lambda: feeder_sim.uncertainty(UNCERTAIN, indices=True, seeds=1), "seeds: is 1, must be 2 or more"),
+    (lambda: feeder_sim.compare(3, 4), "first: is 3, must be a path"),  # type: ignore[arg-type]
     (lambda: feeder_sim.speed_map(DRIFT, [1.0], 3), "amplitudes_um: is 3, allowed"),  # type: ignore[arg-type]
     (lambda: feeder_sim.speed_map(DRIFT, [-1.0], [1.0]), "frequencies_hz: is .* all above 0"),
 ]

@@ -58,15 +58,15 @@ BOTH: dict[str, Any] = {"refill": {}, "robot": {}}
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"refill.to": 5}, "refill.to is 5, allowed is up to 4"),
-        ({"refill.below": 5}, "refill.below is 5, allowed is up to 4"),
-        ({"refill": {"to": 2, "below": 3}}, "refill: below is 3, allowed is up to 2"),
-        ({"refill.to": 0}, "refill.to: is 0, allowed is greater than or equal to 1"),
-        ({"refill.to": 2.0}, "refill.to: is 2.0, allowed is"),
+        ({"refill.to": 5}, "refill.to is 5, must be up to 4"),
+        ({"refill.below": 5}, "refill.below is 5, must be up to 4"),
+        ({"refill": {"to": 2, "below": 3}}, "refill: below is 3, must be up to 2"),
+        ({"refill.to": 0}, "refill.to: is 0, must be greater than or equal to 1"),
+        ({"refill.to": 2.0}, "refill.to: is 2.0, must be"),
         ({"refill.from": 2}, "refill.from: unknown key"),
-        ({"refill.start.kind": "point"}, "refill.start.kind: is point, allowed is 'scattered', 'heap'"),
-        ({"refill": {}, "goal.x_mm": 0.0}, "goal is given, allowed is none with [refill]"),
-        ({"robot.pick_s": -1.0}, "robot.pick_s: is -1.0, allowed is greater than or equal to 0"),
+        ({"refill.start.kind": "point"}, "refill.start.kind: is point, must be 'scattered', 'heap'"),
+        ({"refill": {}, "goal.x_mm": 0.0}, "goal is given, must be none with [refill]"),
+        ({"robot.pick_s": -1.0}, "robot.pick_s: is -1.0, must be greater than or equal to 0"),
         (BOTH | {"part[0].count": 1, "part[0].start": None}, "refill.start is missing"),
         (BOTH | {"stage[0].pick": None}, "robot belongs to a [schedule] with a pick"),
         (BOTH | {"part[0].name": "a nut"}, "part[0].name: is 'a nut', "),
@@ -80,7 +80,7 @@ def test_parts_placed_one_by_one_are_all_there_at_the_start() -> None:
     placed = nuts(2, Placed(kind="placed", places_mm_deg=((0.0, 0.0, 0.0), (9.0, 0.0, 0.0))))
     poses = start_poses(scene_of(placed, filled=POUR), np.random.default_rng(0))
     assert all(pose.present for pose in poses)
-    assert "refill.to is 1, allowed is 2, all parts" in refusal(scene_of, placed, filled=POUR | {"to": 1})
+    assert "refill.to is 1, must be 2, all parts" in refusal(scene_of, placed, filled=POUR | {"to": 1})
 
 
 @pytest.mark.parametrize(

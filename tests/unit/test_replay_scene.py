@@ -228,12 +228,12 @@ def test_film_takes_the_record_in_twenty_seconds_or_what_is_asked_for(run: Path,
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"end": 9.0}, "--from, --to: are 0 and 9, allowed is 0 <= --from < --to <= 0.4"),
+        ({"end": 9.0}, "--from, --to: are 0 and 9, must be 0 <= --from < --to <= 0.4"),
         ({"begin": 0.2, "end": 0.1}, "--from, --to"),
         ({"speed": 0.0}, "--speed: is 0"),
         ({"speed": float("nan")}, "--speed: is nan"),
-        ({"fps": 1000.0}, "--fps: is 1000, allowed is 1 to 240"),
-        ({"size": (1281, 720)}, "--size: is 1281x720, allowed are even numbers"),
+        ({"fps": 1000.0}, "--fps: is 1000, must be 1 to 240"),
+        ({"size": (1281, 720)}, "--size: is 1281x720, must be even numbers"),
         ({"speed": 1e-5}, "--speed, --fps: makes a film of"),
     ],
 )

@@ -123,12 +123,12 @@ def test_page_is_not_replaced_unasked(recorded: Path, tmp_path: Path, undrawn: N
 def test_what_is_no_run_is_refused_in_one_line(recorded: Path, tmp_path: Path) -> None:
     (tmp_path / "notes.h5").write_text("no run")
     for folder, out, said in (
-        (tmp_path, "a.html", "is no run and no question of many runs, allowed is a folder that holds trajectory.h5"),
+        (tmp_path, "a.html", "is no run and no question of many runs, must be a folder that holds trajectory.h5"),
         (tmp_path, "a.html", "trajectory.h5, sweep.toml, uncertainty.toml, search.toml"),
         (tmp_path / "missing", "a.html", "missing: no such folder"),
         (tmp_path / "notes.h5", "a.html", "not a readable trajectory file"),
-        (recorded, "a.pdf", "is '.pdf', allowed is .html or .htm"),
-        (recorded, "missing/a.html", "allowed is a file in a folder that exists"),
+        (recorded, "a.pdf", "is '.pdf', must be .html or .htm"),
+        (recorded, "missing/a.html", "must be a file in a folder that exists"),
     ):
         refused = feeder_sim("report", folder, "--out", tmp_path / out)
         assert refused.returncode == 2 and said in one_line(refused)

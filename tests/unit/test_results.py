@@ -55,7 +55,7 @@ def test_opened_run_is_the_result_it_was(run: Path) -> None:
     assert opened.summary().keys() == stored.keys() - {"version", "libraries"}
     assert opened.stored_summary == stored
     line = refusal(feeder_sim.open, run.parent)
-    assert line.endswith("no run here, allowed is a folder that holds trajectory.h5")
+    assert line.endswith("no run here, must be a folder that holds trajectory.h5")
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ def test_tables(run: Path) -> None:
     row = frames[(frames.seed == 1)].iloc[7]
     assert row.z_m == opened.trajectories[1].position[7, 0, 2] and row.qw == opened.trajectories[1].quaternion[7, 0, 0]
     assert row.time_s == opened.trajectories[1].time[7] and (row.part, row.kind) == ("part_0", "hex_nut")
-    allowed = "of: is 'all', allowed are measures, frames, impacts, picks, removals"
+    allowed = "of: is 'all', must be measures, frames, impacts, picks, removals"
     assert refusal(opened.to_frame, "all") == allowed
     assert refusal(opened.to_frame, "picks").startswith("picks: are of a schedule with a pick")
     picked = feeder_sim.simulate(picking())
@@ -234,7 +234,7 @@ def test_plots_draw_what_the_result_holds(run: Path) -> None:
     assert cell is not None
     assert [way[-1, 1] for way in ways[:2]] == [cell.way(frames)[-1] for frames in opened.trajectories]
     assert [line.get_label() for line in opened.plot.drift().lines][-1] == "mean of 2 seeds"
-    assert refusal(opened.plot.path, 2) == "seed: is 2, allowed is 0 to 1"
+    assert refusal(opened.plot.path, 2) == "seed: is 2, must be 0 to 1"
     assert refusal(opened.plot.separation).startswith("separation: is not measured")
 
 

@@ -71,7 +71,7 @@ def test_a_schema_is_written_to_a_new_file_only(tmp_path: Path) -> None:
     check_refused(feeder_sim("schema", "--out", out), "exists already, --force replaces it")
     assert feeder_sim("schema", "--out", out, "--force").returncode == 0
     assert json.loads(out.read_text()) == json_schema("scenario")
-    check_refused(feeder_sim("schema", "plat"), "is 'plat' (did you mean 'plate'?), allowed are scenario, plate")
+    check_refused(feeder_sim("schema", "plat"), "is 'plat' (did you mean 'plate'?), must be scenario, plate")
 
 
 def lint(*paths: Path) -> tuple[int, str]:

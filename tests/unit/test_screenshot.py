@@ -129,11 +129,11 @@ def test_film_without_its_library_is_refused(tmp_path: Path, monkeypatch: pytest
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--video film.avi", "film.avi: --video: is '.avi', allowed is .mp4"),
-        ("--screenshot shot.gif", "shot.gif: --screenshot: is '.gif', allowed is .png, .jpg"),
-        ("--video there.mp4", "there.mp4: exists already, allowed is a new file"),
-        ("--video film.mp4 --size big", "--size: is 'big', allowed is WIDTHxHEIGHT"),
-        ("--video film.mp4 --to 9", "--from, --to: are 0 and 9, allowed is"),
+        ("--video film.avi", "film.avi: --video: is '.avi', must be .mp4"),
+        ("--screenshot shot.gif", "shot.gif: --screenshot: is '.gif', must be .png, .jpg"),
+        ("--video there.mp4", "there.mp4: exists already, must be a new file"),
+        ("--video film.mp4 --size big", "--size: is 'big', must be WIDTHxHEIGHT"),
+        ("--video film.mp4 --to 9", "--from, --to: are 0 and 9, must be"),
         ("--fps 10", "--fps: belongs to --video"),
         ("--at 0.1 --video film.mp4", "--at: belongs to --screenshot"),
         ("--screenshot shot.png --video film.mp4", "--video: is not allowed together with --screenshot"),

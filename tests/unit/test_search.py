@@ -209,7 +209,7 @@ def test_a_mode_takes_its_frequency_along(repository: Path) -> None:
     changed = space.changed({key: space.present[key], "schedule.stage[1].duration_s": 0.1})
     assert changed.schedule is not None and scenario.schedule is not None
     assert changed.schedule.stage[0].drive[0].frequency_hz == scenario.schedule.stage[0].drive[0].frequency_hz
-    with pytest.raises(InputError, match=r"drive\[0\]\.mode: is 999, allowed is 1 to"):
+    with pytest.raises(InputError, match=r"drive\[0\]\.mode: is 999, must be 1 to"):
         Space.of(scenario, ["stage[0].drive[0].mode=1,999"])
     (whole,) = Space.of(scenario, ["stage[0].drive[0].mode=12:14"]).parameters  # also where the file has no mode
     assert [whole.at(share) for share in (0.0, 0.5, 1.0)] == [12, 13, 14]
@@ -218,7 +218,7 @@ def test_a_mode_takes_its_frequency_along(repository: Path) -> None:
 @pytest.mark.parametrize(
     ("over", "said"),
     [
-        ([f"{AMPLITUDE}=0.5:5:7"], "allowed is LOW:HIGH"),
+        ([f"{AMPLITUDE}=0.5:5:7"], "must be LOW:HIGH"),
         ([f"{AMPLITUDE}=-1:5"], "is -1"),
         ([f"{FRICTION}=0.1:0.5", f"{FRICTION}=1,2"], "each key once"),
         ([], "each key once"),
@@ -255,7 +255,7 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for executor in (Pretended(values_of), failing):
         use(executor, monkeypatch)
         told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
-        check_refused(told, "--maximise: is 'sped' (did you mean 'speed'?), allowed are speed")
+        check_refused(told, "--maximise: is 'sped' (did you mean 'speed'?), must be speed")
         assert not (tmp_path / "none").exists()  # so that the corrected command has its folder
     (out / "optuna.log").write_text("{")
     check_refused(feeder_sim(*asked), "optuna.log", "is no record of a search")

@@ -132,9 +132,9 @@ def test_damaged_folder_is_refused(tmp_path: Path) -> None:
     held = {name: (tmp_path / name).read_text() for name in ("trials.csv", "check.csv", "search.toml")}
     head = held["trials.csv"].splitlines()[0]
     for name, text, said in (
-        ("trials.csv", "a,b\n", "has the columns 'a, b', allowed is trial, a column per key that was searched"),
+        ("trials.csv", "a,b\n", "has the columns 'a, b', must be trial, a column per key that was searched"),
         ("trials.csv", f"{head}\n0,1,0.2,fast,0.1,4,0,\n", "line 2 is"),
-        ("check.csv", "seed,present\n", "has the columns 'seed, present', allowed is seed, present, best"),
+        ("check.csv", "seed,present\n", "has the columns 'seed, present', must be seed, present, best"),
         ("check.csv", "seed,present,best\n0,1.0\n", "line 2 is"),
         ("search.toml", held["search.toml"].replace("seeds = 4", "seeds = true"), "search.toml: seeds: is True"),
         ("search.toml", held["search.toml"].replace("friction", "frction"), "did you mean 'friction'"),

@@ -67,7 +67,7 @@ def test_lists_of_values() -> None:
 def test_lists_that_are_none_are_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"^amplitudes_um: "):
         values_of(text, "amplitudes_um")
-    with pytest.raises(InputError, match=r"mark: is .*, allowed is a mark of three numbers"):
+    with pytest.raises(InputError, match=r"mark: is .*, must be a mark of three numbers"):
         mark_of(text)
 
 

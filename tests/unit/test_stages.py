@@ -168,7 +168,7 @@ def test_arrival_is_told_from_the_last_frame(scene: Scene) -> None:
         ({"plate": {"kind": "piston"}}, "no nodal lines"),
         ({"schedule": None, "drive": [DRIVE], "run.duration_s": 1.0}, "goal belongs to a"),
         ({"stage[2]": {"duration_s": 1.0, "until": {}}}, "a stage with a drive"),
-        ({"goal": {"x_mm": 900.0}}, "goal.x_mm: is 900, allowed is within"),
+        ({"goal": {"x_mm": 900.0}}, "goal.x_mm: is 900, must be within"),
         ({"stage[1].pause_s": 0.005, "stage[1].pick": {"clearance_mm": 10.0}}, "stage[1].pause_s: is 0.005"),
     ],
 )

@@ -194,7 +194,7 @@ BELOW = Ball(shape="ball", diameter_mm=20.0, start=at(0.0, 0.0))
         ((BELOW, heap(5)), "part[1].start: overlaps"),
         ((box(STATES[0]), box(STATES[1])), "part[1].start.position_mm: overlaps part_0"),
         ((nut(placed((0, 0, 0), (5.0, 0, 0))),), "places_mm_deg[1]: overlaps part_0"),
-        ((nut(placed((0, 0, 0), (80.0, 0, 0))),), "places_mm_deg[1]: is [80, 0], allowed is +-30"),
+        ((nut(placed((0, 0, 0), (80.0, 0, 0))),), "places_mm_deg[1]: is [80, 0], must be +-30"),
     ],
 )
 def test_starts_without_room_are_refused_with_the_key(parts: Any, line: str) -> None:
@@ -205,8 +205,8 @@ def test_starts_without_room_are_refused_with_the_key(parts: Any, line: str) -> 
 @pytest.mark.parametrize(
     ("start", "line"),
     [
-        (at(-28.0, 0.0, **UPRIGHT), "position_mm: is [-28, 0], 1 mm in the wall of the rim, allowed is -27 to 27 "),
-        (at(1.0, 28.5, **UPRIGHT), "0.5 mm in the wall of the rim, allowed is -28 to 28 along y"),
+        (at(-28.0, 0.0, **UPRIGHT), "position_mm: is [-28, 0], 1 mm in the wall of the rim, must be -27 to 27 "),
+        (at(1.0, 28.5, **UPRIGHT), "0.5 mm in the wall of the rim, must be -28 to 28 along y"),
         (placed((0.0, 28.5, 0.0)), "places_mm_deg[0]: is [0, 28.5], 0.5 mm in"),
     ],
 )
@@ -406,12 +406,12 @@ def test_a_weighed_part_has_the_mass_and_the_moments_it_is_given() -> None:
 @pytest.mark.parametrize(
     ("part", "start", "tables", "line"),
     [
-        ({}, {"quaternion": [0.9, 0.0, 0.0, 0.0]}, {}, r"start: .*quaternion has length 0\.9, allowed is 1"),
+        ({}, {"quaternion": [0.9, 0.0, 0.0, 0.0]}, {}, r"start: .*quaternion has length 0\.9, must be 1"),
         ({}, {"position_mm": [0.0, 0.0, 1.0]}, {}, r"position_mm: puts its lowest point .* mm into the plate, allowed"),
-        ({}, {"position_mm": [0.0, 200.0, 60.0]}, {}, r"position_mm: is \[0, 200\], allowed is \+-90"),
-        ({"count": 2}, {}, {}, r'start.kind is "state", allowed is "scattered", "heap" or "placed" with count = 2'),
+        ({}, {"position_mm": [0.0, 200.0, 60.0]}, {}, r"position_mm: is \[0, 200\], must be \+-90"),
+        ({"count": 2}, {}, {}, r'start.kind is "state", must be "scattered", "heap" or "placed" with count = 2'),
         ({"inertia_g_mm2": [1.0, 1.0, 3.0]}, {}, {}, "above the sum of the other two"),
-        ({}, {}, {"drive": [{"frequency_hz": 50.0, "amplitude_um": 1.0}]}, r'plate.kind is "still", allowed is no'),
+        ({}, {}, {"drive": [{"frequency_hz": 50.0, "amplitude_um": 1.0}]}, r'plate.kind is "still", must be no'),
         ({}, {}, {"plate": {"kind": "piston"}}, r"exactly one of \[\[drive\]\] and \[schedule\] is needed"),
     ],
 )

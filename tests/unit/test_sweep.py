@@ -51,11 +51,11 @@ def test_axes() -> None:
 @pytest.mark.parametrize(
     ("texts", "said"),
     [
-        (["a"], "allowed is KEY=LOW:HIGH:COUNT"),
+        (["a"], "must be KEY=LOW:HIGH:COUNT"),
         (["a=2:1:3"], "LOW below HIGH"),
         (["a=0:1:log3"], "above 0 on a logarithmic scale"),
-        (["a=1:2:1"], "allowed are 2 to"),
-        (["a=1:2:log1000000"], "a: has 1000000 values, allowed are 2 to 20000"),
+        (["a=1:2:1"], "must be 2 to"),
+        (["a=1:2:log1000000"], "a: has 1000000 values, must be 2 to 20000"),
         (["a=1,1"], "different values"),
         (["a=1,1.0"], "different values"),
         (["a={ b = [1] },{ b = [1.0] }"], "different values"),
@@ -84,7 +84,7 @@ def test_a_question_is_kept_as_text(tmp_path: Path) -> None:
         (tmp_path / "sweep.toml").write_text(text)
         with pytest.raises(InputError, match=r"sweep\.toml: "):
             SweepQuestion.read(tmp_path)
-    with pytest.raises(InputError, match="a: is 3, allowed is a sequence"):
+    with pytest.raises(InputError, match="a: is 3, must be a sequence"):
         axis_texts({"a": 3})
 
 
@@ -155,7 +155,7 @@ def test_points_that_do_not_get_there_are_counted() -> None:
     assert nothing == 4 and 8 < sure < 40 and scattered == 40
     assert over(f"{AMPLITUDE}=1,2", **asked, seeds=60).effort(strip_scenario()).most_seeds == 60
     for wrong in ({"seeds": -1}, {"inputs": 1}, {"most_seeds": 7}):
-        with pytest.raises(InputError, match=f"{next(iter(wrong))}: is .*, allowed is greater than or equal to"):
+        with pytest.raises(InputError, match=f"{next(iter(wrong))}: is .*, must be greater than or equal to"):
             over(f"{AMPLITUDE}=1,2", **asked | wrong)
 
 
@@ -270,7 +270,7 @@ def test_command(tmp_path: Path) -> None:
     assert feeder_sim("merge", out).returncode == 0
     before = {file.name: file.read_bytes() for file in out.iterdir()}
     for refused in (feeder_sim(*asked, "--measure", "sped"), feeder_sim("merge", out, "--measure", "sped")):
-        check_refused(refused, "--measure: is 'sped'", "allowed are speed")
+        check_refused(refused, "--measure: is 'sped'", "must be speed")
     (out / "journal.jsonl").unlink()
     check_refused(feeder_sim("merge", out), str(out), "holds no seed of the sweep")
     left = {file.name: file.read_bytes() for file in out.iterdir()}

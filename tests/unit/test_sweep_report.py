@@ -133,8 +133,8 @@ def test_sweep_with_uncertain_inputs_counts_draws(sweep: Path, coarse: None) -> 
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        ("", "allowed is a column per varied key"),
-        ("a,b,c\n1,2,3\n", "has the columns 'a, b, c', allowed is a column per varied key"),
+        ("", "must be a column per varied key"),
+        ("a,b,c\n1,2,3\n", "has the columns 'a, b, c', must be a column per varied key"),
         ("a,measure,mean,se,n,seeds,failed\n", "holds no point"),
         ("a,measure,mean,se,n,seeds,failed\n1,speed,fast,,3,3,0\n", "line 2 is ['1', 'speed', 'fast'"),
         ("a,measure,mean,se,n,seeds,failed\n1,speed,2.0\n", "line 2 is ['1', 'speed', '2.0'"),

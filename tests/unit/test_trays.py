@@ -88,7 +88,7 @@ def test_a_table_with_corners_is_said_to_be_off(tmp_path: Path) -> None:
     [
         ("t_ms\n0\n1\n2\n3\n", "begins with 't_ms' ... x_um"),
         ("t_ms, x_mm\n0, 1\n", "begins with 't_ms, x_mm' ... x_um"),
-        ("t_ms;x_um\n0;0,5\n", "motion.csv: has semicolons between its columns, allowed are commas"),
+        ("t_ms;x_um\n0;0,5\n", "motion.csv: has semicolons between its columns, must be commas"),
         ("# a remark, with commas\n\nt_ms\tx_um\n0\t1\n", "motion.csv: has tabs between its columns"),
         ("t_ms, x_um\n0, 1\n1, 2\n", "has 2 lines ... 4"),
         ("t_ms, x_um\n0, 1\n1, 2\n2, a\n3, 1\n", "line 4 ... 2,a ... numbers"),

@@ -114,7 +114,7 @@ def test_damaged_folder_is_refused(tmp_path: Path) -> None:
     draws, asked = (tmp_path / "draws.csv").read_text(), (tmp_path / "uncertainty.toml").read_text()
     head, first = draws.splitlines()[:2]
     for name, text, said in (
-        ("draws.csv", "", "has the columns '', allowed is a column per uncertain input"),
+        ("draws.csv", "", "has the columns '', must be a column per uncertain input"),
         ("draws.csv", f"{head}\n", "holds no draw"),
         ("draws.csv", f"{head}\n{first.replace(',0,', ',zero,')}\n", "line 2 is"),
         ("draws.csv", f"{head}\n{first.rpartition(',')[0]}\n", "line 2 is"),

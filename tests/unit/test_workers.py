@@ -29,7 +29,7 @@ def test_a_script_without_a_guard_is_told_to_have_one(tmp_path: Path) -> None:
 
 def test_a_script_from_standard_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.modules["__main__"], "__file__", "<stdin>", raising=False)
-    with pytest.raises(InputError, match="standard input, allowed is one in a file"), local_workers(1):
+    with pytest.raises(InputError, match="standard input, must be one in a file"), local_workers(1):
         pass
 
 
@@ -42,5 +42,5 @@ def test_an_address_of_no_scheduler_is_refused_before_a_client_is_made(
     """A client that fails halfway says so once more when it is cleaned up, in a traceback."""
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(distributed, "Client", lambda *_, **__: pytest.fail("a client was made"))
-    with pytest.raises(InputError, match=f"--dask: is '{address}', allowed is an address"), dask_workers(address):
+    with pytest.raises(InputError, match=f"--dask: is '{address}', must be an address"), dask_workers(address):
         pass

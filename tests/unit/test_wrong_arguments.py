@@ -16,22 +16,22 @@ from feeder_sim.errors import check_whole
 
 DRIFT = strip_scenario()
 CALLS: dict[str, tuple[Callable[..., Any], str]] = {
-    "simulate": (lambda: feeder_sim.simulate("x"), "scenario: is 'x', allowed is a Scenario"),  # type: ignore[arg-type]
-    "workers": (lambda: feeder_sim.simulate(DRIFT, workers=0), "workers: is 0, allowed is a whole number from 1 on"),
-    "progress": (lambda: feeder_sim.simulate(DRIFT, progress=3), "progress: is 3, allowed is True, or a function"),  # type: ignore[arg-type]
+    "simulate": (lambda: feeder_sim.simulate("x"), "scenario: is 'x', must be a Scenario"),  # type: ignore[arg-type]
+    "workers": (lambda: feeder_sim.simulate(DRIFT, workers=0), "workers: is 0, must be a whole number from 1 on"),
+    "progress": (lambda: feeder_sim.simulate(DRIFT, progress=3), "progress: is 3, must be True, or a function"),  # type: ignore[arg-type]
     "record_run": (lambda: feeder_sim.record_run("x", "y"), "scenario: is 'x', allowed"),  # type: ignore[arg-type]
-    "folder": (lambda: feeder_sim.record_run(DRIFT, 3), "folder: is 3, allowed is a path"),  # type: ignore[arg-type]
+    "folder": (lambda: feeder_sim.record_run(DRIFT, 3), "folder: is 3, must be a path"),  # type: ignore[arg-type]
     "prepare": (lambda: feeder_sim.prepare(None), "scenario: is None, allowed"),  # type: ignore[arg-type]
-    "measure_drift": (lambda: feeder_sim.measure_drift(3), "measure_drift: is 3, allowed is a list"),  # type: ignore[arg-type]
-    "an element": (lambda: feeder_sim.measure_drift([3]), "scenario: is 3, allowed is a Scenario"),  # type: ignore[list-item]
-    "changed": (lambda: DRIFT.changed([1]), r"changed: is \[1\], allowed is a dictionary"),  # type: ignore[arg-type]
-    "open": (lambda: feeder_sim.open(3), "open: is 3, allowed is a path"),  # type: ignore[arg-type]
-    "load_scenario": (lambda: feeder_sim.load_scenario(3), "load_scenario: is 3, allowed is a path"),  # type: ignore[arg-type]
+    "measure_drift": (lambda: feeder_sim.measure_drift(3), "measure_drift: is 3, must be a list"),  # type: ignore[arg-type]
+    "an element": (lambda: feeder_sim.measure_drift([3]), "scenario: is 3, must be a Scenario"),  # type: ignore[list-item]
+    "changed": (lambda: DRIFT.changed([1]), r"changed: is \[1\], must be a dictionary"),  # type: ignore[arg-type]
+    "open": (lambda: feeder_sim.open(3), "open: is 3, must be a path"),  # type: ignore[arg-type]
+    "load_scenario": (lambda: feeder_sim.load_scenario(3), "load_scenario: is 3, must be a path"),  # type: ignore[arg-type]
     "read_recording": (lambda: feeder_sim.read_recording("no.h5"), "no.h5: no such trajectory file"),
-    "build_replay": (lambda: feeder_sim.build_replay(3, "x"), "trajectory: is 3, allowed is a path"),  # type: ignore[arg-type]
-    "Feeder": (lambda: feeder_sim.Feeder("x"), "scenario: is 'x', allowed is a Scenario"),  # type: ignore[arg-type]
-    "stages": (lambda: feeder_sim.Feeder(feeder_scenario(), stages=3), "stages: is 3, allowed is a list"),  # type: ignore[arg-type]
-    "a stage": (lambda: feeder_sim.Feeder(feeder_scenario(), stages=[3]), "stage: is 3, allowed is a Stage"),  # type: ignore[list-item]
+    "build_replay": (lambda: feeder_sim.build_replay(3, "x"), "trajectory: is 3, must be a path"),  # type: ignore[arg-type]
+    "Feeder": (lambda: feeder_sim.Feeder("x"), "scenario: is 'x', must be a Scenario"),  # type: ignore[arg-type]
+    "stages": (lambda: feeder_sim.Feeder(feeder_scenario(), stages=3), "stages: is 3, must be a list"),  # type: ignore[arg-type]
+    "a stage": (lambda: feeder_sim.Feeder(feeder_scenario(), stages=[3]), "stage: is 3, must be a Stage"),  # type: ignore[list-item]
 }
 
 
@@ -45,11 +45,11 @@ def test_a_call_with_something_else_is_refused_in_one_line(name: str) -> None:
 def test_a_feeder_refuses_something_else_and_goes_on() -> None:
     feeder = feeder_sim.Feeder(with_refill())
     calls: list[tuple[Callable[[Any], Any], Any, str]] = [
-        (feeder.pick_by, 3, "pick: is 3, allowed is a Pick, or a table"),
-        (feeder.pick, [[1], [1, 2]], "pick: is .*, allowed is the number of a part"),
-        (feeder.refill, 1.5, "refill: is 1.5, allowed is a whole number from 1 to 4"),
-        (feeder.record, 3, "folder: is 3, allowed is a path"),
-        (feeder.vibrate, True, "stage: is True, allowed is a stage"),
+        (feeder.pick_by, 3, "pick: is 3, must be a Pick, or a table"),
+        (feeder.pick, [[1], [1, 2]], "pick: is .*, must be the number of a part"),
+        (feeder.refill, 1.5, "refill: is 1.5, must be a whole number from 1 to 4"),
+        (feeder.record, 3, "folder: is 3, must be a path"),
+        (feeder.vibrate, True, "stage: is True, must be a stage"),
     ]
     for call, value, said in calls:
         with pytest.raises(feeder_sim.InputError, match=f"^{said}"):
@@ -67,5 +67,5 @@ def test_whole_numbers() -> None:
 
     assert check_whole(np.int64(3), "n") == 3 and check_whole(0, "n", 0, 0) == 0
     for value in (True, 1.0, "1", None, 0, 5):
-        with pytest.raises(feeder_sim.InputError, match=r"n: is .*, allowed is a whole number from 1 to 4$"):
+        with pytest.raises(feeder_sim.InputError, match=r"n: is .*, must be a whole number from 1 to 4$"):
             check_whole(value, "n", 1, 4)

@@ -41,11 +41,11 @@ def test_a_damaged_table_is_one_line(tmp_path: Path) -> None:
     lines = DATA.read_text().splitlines()
     damaged = tmp_path / "tosses.csv"
     damaged.write_text("\n".join([lines[0], lines[1].replace("0.743243", "long")]))
-    with pytest.raises(InputError, match=r"line 2, duration_s: is 'long', allowed is a number"):
+    with pytest.raises(InputError, match=r"line 2, duration_s: is 'long', must be a number"):
         read_tosses(damaged)
     for old, new, said in (
-        ("0.743243", "nan", "duration_s: is nan, allowed is up to"),
-        ("0.743243", "0", "duration_s: is 0, allowed is at least"),
+        ("0.743243", "nan", "duration_s: is nan, must be up to"),
+        ("0.743243", "0", "duration_s: is 0, must be at least"),
         ("0.431995", "0.9", "qw: to qz have length"),
     ):
         damaged.write_text("\n".join([lines[0], lines[1].replace(old, new)]))

@@ -70,12 +70,12 @@ RING = [{"frequency_hz": 2797.0, "amplitude_um": 1.0}]
         ({"plate": {"kind": "piston"}}, ("plate.kind", "piston", "rectangle")),
         (
             {"plate": {"kind": "piston"}, "part": [BALL | {"guide": {"kind": "slide", "tilt_deg": 0.0}}]},
-            ("part[0].guide", "allowed is none"),
+            ("part[0].guide", "must be none"),
         ),
-        ({"drive": [RING[0] | {"ring_up": False}]}, ("drive[0].ring_up", "false", "allowed is true")),
+        ({"drive": [RING[0] | {"ring_up": False}]}, ("drive[0].ring_up", "false", "must be true")),
         (
             {"run": {"duration_s": 0.1, "reaction": True, "engine": "mujoco"}},
-            ("run.engine", "mujoco", 'allowed is "impulse" with run.reaction'),
+            ("run.engine", "mujoco", 'must be "impulse" with run.reaction'),
         ),
     ],
 )

@@ -61,7 +61,7 @@ def test_ball_slides_down_the_wall_in_mujoco() -> None:
 
 
 def test_mujoco_is_refused_where_its_friction_cone_lifts_parts_off_the_wall() -> None:
-    with pytest.raises(ValidationError, match=r"guide\.friction is 0\.2, allowed is 0 in MuJoCo"):
+    with pytest.raises(ValidationError, match=r"guide\.friction is 0\.2, must be 0 in MuJoCo"):
         falling_ball(0.2, "mujoco")
     # The reason: the ball should come to lie on the wall, and bounces ever more across it.
     scene = build_scene(falling_ball(0.2, "impulse").scene.scenario)

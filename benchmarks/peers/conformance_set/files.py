@@ -65,9 +65,9 @@ def _records(path: Path, needed: Sequence[str], allowed: Sequence[str]) -> list[
                     raise InputError(f"is missing, needed are the columns {', '.join(needed)}", file=path, key=name)
             for name in names:
                 if name not in allowed:
-                    raise InputError(f"is unknown, allowed are {', '.join(allowed)}", file=path, key=f"column {name!r}")
+                    raise InputError(f"is unknown, must be {', '.join(allowed)}", file=path, key=f"column {name!r}")
                 if names.count(name) > 1:
-                    raise InputError("stands there twice, allowed is once", file=path, key=f"column {name!r}")
+                    raise InputError("stands there twice, must be once", file=path, key=f"column {name!r}")
             records = []
             for record in reader:
                 if None in record or None in record.values():
@@ -96,7 +96,7 @@ def _number(path: Path, line: int, record: dict[str, str], column: str, *, blank
         value = math.nan
     if not math.isfinite(value):
         allowed = "a finite number" + (" or nothing" if blank else "")
-        raise InputError(f"is {quoted(text)}, allowed is {allowed}", **_at(path, line, column))
+        raise InputError(f"is {quoted(text)}, must be {allowed}", **_at(path, line, column))
     return value
 
 
@@ -104,7 +104,7 @@ def _count(path: Path, line: int, record: dict[str, str], column: str) -> int:
     """A whole number, 0 where nothing stands."""
     text = record.get(column, "").strip()
     if not (text.isdecimal() and len(text) < 10) and text:
-        raise InputError(f"is {quoted(text)}, allowed is a whole number or nothing", **_at(path, line, column))
+        raise InputError(f"is {quoted(text)}, must be a whole number or nothing", **_at(path, line, column))
     return int(text or 0)
 
 
@@ -119,11 +119,11 @@ def read_set(path: Path) -> list[Row]:
         names = ("right", "low", "high", "scale", "seed_sd")
         right, low, high, scale, seed_sd = (_number(path, line, record, name) for name in names)
         if not low <= right <= high:
-            raise InputError(f"is {right:g}, allowed is low to high, {low:g} to {high:g}", **_at(path, line, "right"))
+            raise InputError(f"is {right:g}, must be low to high, {low:g} to {high:g}", **_at(path, line, "right"))
         if scale <= 0.0:
-            raise InputError(f"is {scale:g}, allowed is above 0", **_at(path, line, "scale"))
+            raise InputError(f"is {scale:g}, must be above 0", **_at(path, line, "scale"))
         if record["chance"] not in ("yes", "no"):
-            raise InputError(f"is {quoted(record['chance'])}, allowed is yes or no", **_at(path, line, "chance"))
+            raise InputError(f"is {quoted(record['chance'])}, must be yes or no", **_at(path, line, "chance"))
         texts = {name: record[name] for name in ("case", "quantity", "unit", "source", "rule")}
         chance = record["chance"] == "yes"
         rows.append(Row(right=right, low=low, high=high, scale=scale, chance=chance, seed_sd=seed_sd, **texts))
@@ -150,18 +150,18 @@ def read_results(path: Path, rows: Sequence[Row]) -> list[Result]:
         for column, name, allowed in (("case", case, quantities), ("quantity", quantity, quantities.get(case, []))):
             if name not in allowed:
                 names = ", ".join(dict.fromkeys(allowed))
-                problem = f"is {quoted(name)}, allowed are {names}{nearest(name, allowed)}"
+                problem = f"is {quoted(name)}, must be {names}{nearest(name, allowed)}"
                 raise InputError(problem, **_at(path, line, column))
         failure = record.get("failure", "").strip()
         value = _number(path, line, record, "value", blank=bool(failure))
         se = _number(path, line, record, "se", blank=True)
         if se < 0.0:
-            raise InputError(f"is {se:g}, allowed is 0 and more, or nothing", **_at(path, line, "se"))
+            raise InputError(f"is {se:g}, must be 0 and more, or nothing", **_at(path, line, "se"))
         steps, n = (_count(path, line, record, column) for column in ("setting", "n"))
         engine = record.get("engine", "").strip() or path.stem
         key = (engine, steps, case, quantity)
         if key in seen:
-            raise InputError("stands there twice for this engine and setting, allowed is once", **_at(path, line))
+            raise InputError("stands there twice for this engine and setting, must be once", **_at(path, line))
         seen.add(key)
         results.append(Result(case, quantity, value, se, engine, steps, n, failure))
     return results

@@ -57,7 +57,7 @@ def outline_of_points(points: NDArray[np.float64]) -> tuple[Outline, float]:
     try:
         corners = Delaunay(points).simplices
     except (QhullError, ValueError) as error:
-        raise ValueError(f"has {len(points)} places, allowed are at least 3 that are not on a line") from error
+        raise ValueError(f"has {len(points)} places, must be at least 3 that are not on a line") from error
     sides = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
     lengths = np.linalg.norm(points[sides[:, 0]] - points[sides[:, 1]], axis=1)
     near = cKDTree(points).query(points, k=min(NEIGHBOURS + 1, len(points)))[0][:, -1]
@@ -65,7 +65,7 @@ def outline_of_points(points: NDArray[np.float64]) -> tuple[Outline, float]:
     ratio = (limit - lengths.min()) / max(float(np.ptp(lengths)), 1e-300)
     hull = shapely.concave_hull(shapely.MultiPoint(points), ratio=float(np.clip(ratio, 0.0, 1.0)), allow_holes=True)
     if hull.geom_type != "Polygon":
-        raise ValueError(f"has {len(points)} places, allowed are at least 3 that are not on a line")
+        raise ValueError(f"has {len(points)} places, must be at least 3 that are not on a line")
     areas = [shapely.Polygon(hole).area for hole in hull.interiors]
     least = np.pi * (LEAST_HOLE * limit) ** 2
     holes = [hole for hole, area in zip(hull.interiors, areas, strict=True) if area > least]
@@ -221,7 +221,7 @@ def import_modes(
     places = _checked_places(shapes.points)
     for i, deflection in enumerate(shapes.deflection):
         if np.abs(deflection).max() < LEAST_DEFLECTION:
-            raise InputError(f"mode {i + 1} does not move, allowed is a mode with a deflection")
+            raise InputError(f"mode {i + 1} does not move, must be a mode with a deflection")
     warnings: list[str] = []
     outline = (outline or _outline_of(places, warnings)).simplified(LINE_TOLERANCE)
     shift = -0.5 * (outline.exterior.min(axis=0) + outline.exterior.max(axis=0))
@@ -292,7 +292,7 @@ def _check_smooth(fit: Fit, shapes: MeasuredShapes) -> None:
         worst = int(missed.argmax())
         raise InputError(
             f"mode {worst + 1} is no smooth shape, the nearest one misses {missed[worst]:.2g} of its deflection; "
-            f"allowed is below {MISSED:g}. Do points at one place have different deflections?"
+            f"must be below {MISSED:g}. Do points at one place have different deflections?"
         )
 
 
@@ -308,10 +308,10 @@ def _resonances(shapes: MeasuredShapes) -> tuple[Resonance, ...]:
 def _checked_places(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """The distinct ones of points (n, 2) [m]."""
     if len(points) < 3:
-        raise InputError(f"has {len(points)} points, allowed are at least 3")
+        raise InputError(f"has {len(points)} points, must be at least 3")
     if np.abs(points).max() > LARGEST_COORDINATE:
         raise InputError(
-            f"has a point at {np.abs(points).max():g} m, allowed is up to {LARGEST_COORDINATE:g} m; is the unit right?"
+            f"has a point at {np.abs(points).max():g} m, must be up to {LARGEST_COORDINATE:g} m; is the unit right?"
         )
     return distinct(points)
 
@@ -321,7 +321,7 @@ def _check_on_plate(places: NDArray[np.float64], outline: Outline) -> None:
     if beside.max() > OFF_PLATE * max(outline.size):
         raise InputError(
             f"has {int((beside > OFF_PLATE * max(outline.size)).sum())} points beside the outline, the farthest by "
-            f"{1e3 * beside.max():.3g} mm; allowed are points on it, in the same coordinates",
+            f"{1e3 * beside.max():.3g} mm; must be points on it, in the same coordinates",
             key="--outline",
         )
 
@@ -343,11 +343,11 @@ def _points_per_half_wave(
     per_half_wave = half_wave / math.sqrt(outline.polygon.area / len(places))
     name = f"the mode at {frequency:g} Hz, whose half wave is {1e3 * half_wave:.3g} mm,"
     if per_half_wave < LEAST_POINTS:
-        raise InputError(f"{name} has {per_half_wave:.2g} points per half wave, allowed are at least {LEAST_POINTS:g}")
+        raise InputError(f"{name} has {per_half_wave:.2g} points per half wave, must be at least {LEAST_POINTS:g}")
     on_plate = _grid(outline, 61)[2]
     gap = 2.0 * float(cKDTree(places).query(on_plate)[0].max())
     if gap > half_wave:
-        raise InputError(f"{name} has a gap of {1e3 * gap:.3g} mm without points, allowed is up to half a wave")
+        raise InputError(f"{name} has a gap of {1e3 * gap:.3g} mm without points, must be up to half a wave")
     return per_half_wave
 
 

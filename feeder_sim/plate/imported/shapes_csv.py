@@ -54,7 +54,7 @@ def read_shapes_csv(text: str, path: Path) -> MeasuredShapes:
                 key = cells[0][1:].strip()
                 if key in HEADERS:
                     if key in header:
-                        raise InputError(f"line {number}: is given twice, allowed is once", file=path, key=key)
+                        raise InputError(f"line {number}: is given twice, must be once", file=path, key=key)
                     header[key] = [_header_value(cell, key, number, path) for cell in cells[1:]]
             elif not names:
                 names = cells
@@ -62,13 +62,13 @@ def read_shapes_csv(text: str, path: Path) -> MeasuredShapes:
             else:
                 rows.append(_row(cells, names, number, path))
                 if len(rows) > MOST_POINTS:
-                    raise InputError(f"has more than {MOST_POINTS} points, allowed are fewer", file=path)
+                    raise InputError(f"has more than {MOST_POINTS} points, must be fewer", file=path)
     except csv.Error as error:
         raise InputError(
             f"line {lines.line_num}: cannot be read as comma-separated values: {error}", file=path
         ) from None
     if not names:
-        raise InputError("has no line with names of columns, allowed is x_mm, y_mm, mode_1, ...", file=path)
+        raise InputError("has no line with names of columns, must be x_mm, y_mm, mode_1, ...", file=path)
     return _shapes(header, names, np.array(rows, float).reshape(-1, len(names)), path).in_order()
 
 
@@ -81,7 +81,7 @@ def _header_value(cell: str, key: str, number: int, path: Path) -> float:
     except ValueError:
         value = math.nan
     if not low <= value <= high:
-        raise InputError(f"line {number}: is {quoted(cell)}, allowed is {low:g} to {high:g}", file=path, key=key)
+        raise InputError(f"line {number}: is {quoted(cell)}, must be {low:g} to {high:g}", file=path, key=key)
     return value
 
 
@@ -90,19 +90,19 @@ def _check_names(names: list[str], number: int, path: Path) -> None:
     for name in names:
         if name not in ("x_mm", "y_mm") and not COLUMN.fullmatch(name):
             raise InputError(
-                f"line {number}: unknown column {quoted(name)}; allowed are x_mm, y_mm, mode_1, mode_2, ..., "
+                f"line {number}: unknown column {quoted(name)}; must be x_mm, y_mm, mode_1, mode_2, ..., "
                 "slope_x_1_per_mm, slope_y_1_per_mm, ...",
                 file=path,
             )
         if names.count(name) > 1:
-            raise InputError(f"line {number}: column {name} stands twice, allowed is once", file=path)
+            raise InputError(f"line {number}: column {name} stands twice, must be once", file=path)
     count = sum(name.startswith("mode_") for name in names)
     needed = ["x_mm", "y_mm", *(f"mode_{i + 1}" for i in range(max(count, 1)))]
     for name in needed:
         if name not in names:
-            raise InputError(f"line {number}: column {name} is missing, allowed are {', '.join(needed[:4])}", file=path)
+            raise InputError(f"line {number}: column {name} is missing, must be {', '.join(needed[:4])}", file=path)
     if count > MOST_MODES:
-        raise InputError(f"line {number}: has {count} modes, allowed are up to {MOST_MODES}", file=path)
+        raise InputError(f"line {number}: has {count} modes, must be up to {MOST_MODES}", file=path)
     for name in names:
         if name.startswith("slope_"):
             other = name.replace("_x_", "_y_") if "_x_" in name else name.replace("_y_", "_x_")
@@ -112,7 +112,7 @@ def _check_names(names: list[str], number: int, path: Path) -> None:
 
 def _row(cells: list[str], names: list[str], number: int, path: Path) -> list[float]:
     if len(cells) != len(names):
-        raise InputError(f"line {number}: has {len(cells)} values, allowed are {len(names)}, one a column", file=path)
+        raise InputError(f"line {number}: has {len(cells)} values, must be {len(names)}, one a column", file=path)
     values = []
     for cell, name in zip(cells, names, strict=True):
         try:
@@ -122,7 +122,7 @@ def _row(cells: list[str], names: list[str], number: int, path: Path) -> list[fl
         largest = 1e3 * LARGEST_COORDINATE if name in ("x_mm", "y_mm") else LARGEST_VALUE
         if not abs(value) <= largest:
             raise InputError(
-                f"line {number}, column {name}: is {quoted(cell)}, allowed is a number up to +-{largest:g}", file=path
+                f"line {number}, column {name}: is {quoted(cell)}, must be a number up to +-{largest:g}", file=path
             )
         values.append(value)
     return values
@@ -132,12 +132,10 @@ def _shapes(header: dict[str, list[float]], names: list[str], table: NDArray[np.
     column = {name: table[:, i] for i, name in enumerate(names)}
     n_modes = sum(name.startswith("mode_") for name in names)
     if "frequency_hz" not in header:
-        raise InputError(
-            "is missing, allowed is a line such as '# frequency_hz, 438.9, 812.4'", file=path, key=HEADERS[0]
-        )
+        raise InputError("is missing, must be a line such as '# frequency_hz, 438.9, 812.4'", file=path, key=HEADERS[0])
     for key, values in header.items():
         if len(values) != n_modes:
-            raise InputError(f"has {len(values)} values, allowed are {n_modes}, one a mode", file=path, key=key)
+            raise InputError(f"has {len(values)} values, must be {n_modes}, one a mode", file=path, key=key)
     unknown = np.full(n_modes, np.nan)
     rotation = np.full((n_modes, 2, len(table)), np.nan)
     for i in range(n_modes):

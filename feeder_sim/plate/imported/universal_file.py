@@ -52,9 +52,9 @@ def read_universal_file(path: Path, unit: str | None, thickness: float) -> Measu
     nodes = _nodes([d for d in datasets if d["type"] in NODES], path)
     shapes = [d for d in datasets if d["type"] == SHAPES and d.get("analysis_type") in (NORMAL_MODE, *COMPLEX_MODES)]
     if not shapes:
-        raise InputError("has no dataset 55 with a mode, allowed is one for each mode", file=path)
+        raise InputError("has no dataset 55 with a mode, must be one for each mode", file=path)
     if len(shapes) > MOST_MODES:
-        raise InputError(f"has {len(shapes)} modes, allowed are up to {MOST_MODES}", file=path)
+        raise InputError(f"has {len(shapes)} modes, must be up to {MOST_MODES}", file=path)
     numbers = np.asarray(shapes[0]["node_nums"]).astype(np.int64)
     points = _joined(numbers, nodes, thickness * length, path) / length
     read = [_mode(shape, i, numbers, length, path) for i, shape in enumerate(shapes)]
@@ -87,7 +87,7 @@ def _datasets(path: Path) -> list[dict[str, Any]]:
             kinds = [int(kind) for kind in file.get_set_types()]
             selected = [i for i, kind in enumerate(kinds) if kind in (*NODES, SHAPES, UNITS)]
             if not selected:
-                raise InputError("has no dataset 15, 2411 or 55, allowed is a universal file with modes", file=path)
+                raise InputError("has no dataset 15, 2411 or 55, must be a universal file with modes", file=path)
             read = file.read_sets(selected)
     except InputError:
         raise
@@ -104,14 +104,14 @@ def _units(datasets: Sequence[dict[str, Any]], unit: str | None, path: Path) -> 
     lengths = sorted(length for length, _ in factors)
     if lengths and lengths[-1] / lengths[0] > 1.0 + UNIT_TOLERANCE:
         text = " and ".join(f"{length:g}" for length in lengths)
-        raise InputError(f"mixes units: its datasets 164 have {text} lengths in a metre, allowed is one", file=path)
+        raise InputError(f"mixes units: its datasets 164 have {text} lengths in a metre, must be one", file=path)
     if unit is None and not factors:
         raise InputError(
             f"does not say its units (dataset 164), allowed with it is --unit {', '.join(LENGTHS)}", file=path
         )
     if unit is not None and factors and abs(LENGTHS[unit] / lengths[0] - 1.0) > UNIT_TOLERANCE:
         raise InputError(
-            f"is {unit}, but dataset 164 has {lengths[0]:g} lengths in a metre; allowed is one of both",
+            f"is {unit}, but dataset 164 has {lengths[0]:g} lengths in a metre; must be one of both",
             file=path,
             key="--unit",
         )
@@ -133,10 +133,10 @@ def _nodes(datasets: Sequence[dict[str, Any]], path: Path) -> dict[int, tuple[fl
             if nodes.setdefault(int(number), tuple(place)) != tuple(place):
                 raise InputError(f"node {number:.0f} stands twice, at different places", file=path)
     if not nodes:
-        raise InputError("has no nodes (dataset 15 or 2411), allowed is one of both", file=path)
+        raise InputError("has no nodes (dataset 15 or 2411), must be one of both", file=path)
     if len(systems) > 1:
         raise InputError(
-            f"has displacements in {len(systems)} coordinate systems, allowed is the same for all nodes", file=path
+            f"has displacements in {len(systems)} coordinate systems, must be the same for all nodes", file=path
         )
     return nodes
 
@@ -148,19 +148,19 @@ def _joined(
     missing = [number for number in numbers.tolist() if number not in nodes]
     if missing:
         raise InputError(
-            f"node {missing[0]} of dataset 55 is in no dataset 15 or 2411 (and {len(missing) - 1} more), allowed are "
+            f"node {missing[0]} of dataset 55 is in no dataset 15 or 2411 (and {len(missing) - 1} more), must be "
             "nodes that are",
             file=path,
         )
     if not 3 <= len(numbers) <= MOST_POINTS:
-        raise InputError(f"has modes at {len(numbers)} nodes, allowed are 3 to {MOST_POINTS}", file=path)
+        raise InputError(f"has modes at {len(numbers)} nodes, must be 3 to {MOST_POINTS}", file=path)
     if len(np.unique(numbers)) < len(numbers):
-        raise InputError("has a mode with a node twice, allowed is once", file=path)
+        raise InputError("has a mode with a node twice, must be once", file=path)
     places = np.array([nodes[number] for number in numbers.tolist()])
     size, height = float(np.ptp(places[:, :2], axis=0).max()), float(np.ptp(places[:, 2]))
     if height > max(FLAT * size, (1.0 + FLAT) * thickness):
         raise InputError(
-            f"has nodes over a height of {height:g} along z (in its own unit), allowed is a plate in a plane x, y",
+            f"has nodes over a height of {height:g} along z (in its own unit), must be a plate in a plane x, y",
             file=path,
         )
     return places[:, :2]
@@ -173,20 +173,20 @@ def _mode(
     name = f"mode {index + 1} (dataset 55)"
     if shape.get("n_data_per_node") not in (3, 6):
         raise InputError(
-            f"{name} has {shape.get('n_data_per_node')} values per node, allowed are 3 (x, y, z) or 6 (and rotations)",
+            f"{name} has {shape.get('n_data_per_node')} values per node, must be 3 (x, y, z) or 6 (and rotations)",
             file=path,
         )
     node_numbers = np.asarray(shape["node_nums"]).astype(np.int64)
     if len(node_numbers) != len(numbers) or (np.sort(node_numbers) != np.sort(numbers)).any():
-        raise InputError(f"{name} has other nodes than the first mode, allowed are the same", file=path)
+        raise InputError(f"{name} has other nodes than the first mode, must be the same", file=path)
     order = np.argsort(node_numbers)[np.argsort(np.argsort(numbers))]
     columns = [np.asarray(shape[f"r{i}"]) for i in range(1, 7) if f"r{i}" in shape]
     if any(len(column) != len(numbers) for column in columns) or not all(np.isfinite(c).all() for c in columns):
-        raise InputError(f"{name} has a value that is missing or no number, allowed are numbers", file=path)
+        raise InputError(f"{name} has a value that is missing or no number, must be numbers", file=path)
     frequency, damping = _frequency(shape, name, path)
     w, turn, collinearity = real_mode(columns[2][order].astype(complex))
     if not np.abs(w).max() > 0.0:
-        raise InputError(f"{name} does not move along z, allowed is a bending mode of a plate in x, y", file=path)
+        raise InputError(f"{name} does not move along z, must be a bending mode of a plate in x, y", file=path)
     rotation = np.full((2, len(numbers)), np.nan)
     if len(columns) == 6 and (np.abs(columns[3]).max() > 0.0 or np.abs(columns[4]).max() > 0.0):
         theta_x, theta_y = ((column[order] * turn).real for column in columns[3:5])
@@ -205,9 +205,9 @@ def _frequency(shape: dict[str, Any], name: str, path: Path) -> tuple[float, flo
         frequency = abs(root) / (2.0 * math.pi)
         damping = _number_or_nan(-root.real / abs(root)) if root else math.nan
     if not 0.1 <= frequency <= 1e7:
-        raise InputError(f"{name} has a frequency of {frequency:g} Hz, allowed is 0.1 to 1e7", file=path)
+        raise InputError(f"{name} has a frequency of {frequency:g} Hz, must be 0.1 to 1e7", file=path)
     if not (math.isnan(damping) or 1e-6 <= damping < 1.0):
-        raise InputError(f"{name} has a damping ratio of {damping:g}, allowed is 1e-6 to 1, or 0 for none", file=path)
+        raise InputError(f"{name} has a damping ratio of {damping:g}, must be 1e-6 to 1, or 0 for none", file=path)
     return frequency, damping
 
 

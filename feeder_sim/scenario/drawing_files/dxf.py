@@ -62,9 +62,9 @@ def _millimetres(code: int, unit: str | None, account: Account) -> float:
     if header is None and (code or unit is None):
         cause = f"has units of the kind {code} of DXF" if code else "does not say its unit"
         allowed = "another unit" if code else f"drawing_unit with {', '.join(MM)}"
-        raise account.refusal(f"{cause}, allowed is {allowed}")
+        raise account.refusal(f"{cause}, must be {allowed}")
     if unit is not None and header not in (None, MM[unit]):
-        raise account.refusal(f"says that its unit is {header:g} mm, drawing_unit is {unit!r}: allowed is no other")
+        raise account.refusal(f"says that its unit is {header:g} mm, drawing_unit is {unit!r}: must be no other")
     return MM[unit] if header is None else header  # type: ignore[index]
 
 
@@ -119,26 +119,24 @@ class _Reader:
             raise self.account.hidden(kind, layer)
         mesh = any(getattr(entity, name, False) for name in ("is_poly_face_mesh", "is_polygon_mesh"))
         if kind not in CURVES | {"POINT", "HATCH", "MPOLYGON"} or mesh:
-            raise self.account.refusal(f"has a {kind} in the layer {layer}, allowed are {READ}: explode it")
+            raise self.account.refusal(f"has a {kind} in the layer {layer}, must be {READ}: explode it")
         missing = [name for name in NEEDED.get(kind, ()) if not entity.dxf.hasattr(name)]
         if missing:
             raise self.account.refusal(f"has a {kind} without {missing[0]} in the layer {layer}: the file is damaged")
 
         if getattr(entity, "has_width", False):
-            raise self.account.refusal(f"has a {kind} with a width in the layer {layer}, allowed are lines without one")
+            raise self.account.refusal(f"has a {kind} with a width in the layer {layer}, must be lines without one")
         if kind == "ARC" and math.isclose(entity.dxf.start_angle % 360.0, entity.dxf.end_angle % 360.0, abs_tol=1e-9):
-            raise self.account.refusal(
-                f"has an ARC that ends where it begins in the layer {layer}, allowed is a CIRCLE"
-            )
+            raise self.account.refusal(f"has an ARC that ends where it begins in the layer {layer}, must be a CIRCLE")
 
     def _insert(self, insert: Any, layer_name: str, depth: int, hidden: bool) -> Iterator[Stroke]:
         """Strokes of a block where it is inserted."""
         if depth >= DEEPEST:
-            raise self.account.refusal(f"has blocks in blocks in blocks, allowed are {DEEPEST} levels")
+            raise self.account.refusal(f"has blocks in blocks in blocks, must be {DEEPEST} levels")
         if not insert.dxf.hasattr("name") or insert.block() is None:
             raise self.account.refusal("inserts a block that it lacks: the file is damaged")
         if insert.block().block_record.is_xref:
-            raise self.account.refusal(f"refers to another drawing, {insert.dxf.name!r}, allowed are bound references")
+            raise self.account.refusal(f"refers to another drawing, {insert.dxf.name!r}, must be bound references")
         if not len(insert.block()):
             self.account.ignore("empty blocks")
         self.account.count(self._work_of(insert.dxf.name))
@@ -150,7 +148,7 @@ class _Reader:
         from ezdxf.xclip import XClip
 
         if XClip(insert).has_clipping_path:
-            raise self.account.refusal(f"has a clipped insert of {insert.dxf.name!r}, allowed are whole ones")
+            raise self.account.refusal(f"has a clipped insert of {insert.dxf.name!r}, must be whole ones")
         self.account.ignore("texts and dimensions", len(insert.attribs))
         skipped: list[str] = []
         for entity in insert.virtual_entities(skipped_entity_callback=lambda e, reason: skipped.append(e.dxftype())):
@@ -199,7 +197,7 @@ class _Reader:
         """Refuse what does not lie in a plane of the same height."""
         if not len(points) or np.ptp(points[:, 2]) <= SAGITTA:
             return
-        raise self.account.refusal(f"has a {kind} in the layer {layer} that is not level, allowed is a flat drawing")
+        raise self.account.refusal(f"has a {kind} in the layer {layer} that is not level, must be a flat drawing")
 
 
 def _control(entity: Any, kind: str) -> Points:

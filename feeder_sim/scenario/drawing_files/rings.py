@@ -52,7 +52,7 @@ def rings_of(layer: str, strokes: Sequence[Stroke], account: Account) -> list[An
         edge = _ring(layer, stroke.points, account)
         if not any(_alike(edge, unique_rings[i]) for i in tree.query(edge)):
             place = place_text(stroke.points.mean(axis=0))
-            raise account.refusal(f"has a fill at {place} in the layer {layer} without lines round it, allowed is both")
+            raise account.refusal(f"has a fill at {place} in the layer {layer} without lines round it, must be both")
     return unique_rings
 
 
@@ -87,7 +87,7 @@ def _ring(layer: str, points: Points, account: Account) -> Any:
     polygon = shapely.Polygon(corners) if len(corners) >= 3 else None
     if polygon is not None and not polygon.is_valid:
         where = _place_in(shapely.is_valid_reason(polygon))
-        raise account.refusal(f"has a ring in the layer {layer} that meets itself{where}, allowed is one that does not")
+        raise account.refusal(f"has a ring in the layer {layer} that meets itself{where}, must be one that does not")
     if polygon is None or polygon.area <= THIN:
         raise account.refusal(f"has a ring at {place_text(points[0])} in the layer {layer} that encloses nothing")
     return polygon
@@ -107,7 +107,7 @@ def _faces(layer: str, loose: Sequence[Any], account: Account) -> list[Any]:
     for batch in np.array_split(np.array(loose, object), 1 + len(loose) // TOGETHER):
         crossings += len(tree.query(batch, predicate="intersects")[0])
         if crossings > MOST_MEETINGS * len(loose) + TOGETHER:
-            raise account.refusal(f"has {len(loose)} lines across each other in the layer {layer}, allowed are rings")
+            raise account.refusal(f"has {len(loose)} lines across each other in the layer {layer}, must be rings")
     joined = shapely.union_all(loose, grid_size=GRID)
     faces, cuts, dangles, invalid = shapely.polygonize_full([joined])
     for open_lines in (dangles, cuts, invalid):
@@ -139,7 +139,7 @@ def _gap(layer: str, open_lines: Sequence[Any], lines: Sequence[Any]) -> str:
     least = int(np.argmin(gaps))
     away = f", {gaps[least]:.3g} mm from the next line" if np.isfinite(gaps[least]) else ""
     return (
-        f"has an open line in the layer {layer}: it ends at {place_text(starts[least])}{away}, allowed are closed "
+        f"has an open line in the layer {layer}: it ends at {place_text(starts[least])}{away}, must be closed "
         f"rings, whose ends meet within {JOIN:g} mm"
     )
 
@@ -178,9 +178,7 @@ def check_apart(layer: str, rings: Sequence[Any], account: Account) -> None:
         most = JOIN * (rings[i].length + rings[j].length)
         if common is not None and common.area > min(most, 0.1 * rings[i].area, 0.1 * rings[j].area):
             place = place_text(common.centroid.coords[0])
-            raise account.refusal(
-                f"has two rings over each other at {place} in the layer {layer}, allowed are rings apart"
-            )
+            raise account.refusal(f"has two rings over each other at {place} in the layer {layer}, must be rings apart")
 
 
 def _alike(first: Any, second: Any) -> bool:

@@ -71,7 +71,7 @@ class Account:
 
     def hidden(self, kind: str, layer: str) -> InputError:
         """A hidden entity in a layer that counts: nobody can say whether it is meant."""
-        return self.refusal(f"has a hidden {kind} in the layer {layer}, allowed is what is shown: show it or delete it")
+        return self.refusal(f"has a hidden {kind} in the layer {layer}, must be what is shown: show it or delete it")
 
     def count(self, number: int = 1) -> None:
         """So many entities more are looked at.
@@ -81,7 +81,7 @@ class Account:
         """
         self._entities += number
         if self._entities > MOST_ENTITIES:
-            raise self.refusal(f"has more than {MOST_ENTITIES} entities, allowed are fewer: delete what is not plate")
+            raise self.refusal(f"has more than {MOST_ENTITIES} entities, must be fewer: delete what is not plate")
 
     def ignore(self, rule: str, number: int = 1) -> None:
         """So many entities are ignored by a rule, in the plural of what it holds for."""
@@ -101,7 +101,7 @@ class Account:
         nearest = misspelt(layer)
         if nearest is not None:
             name = shortened(layer)
-            raise self.refusal(f"has lines in the layer {name!r} (did you mean {nearest!r}?), allowed is another name")
+            raise self.refusal(f"has lines in the layer {name!r} (did you mean {nearest!r}?), must be another name")
         self.foreign_layers[layer] += 1
 
     def add_stroke(
@@ -140,7 +140,7 @@ class Account:
             InputError: they are too many.
         """
         if self._points + number > MOST_POINTS:
-            raise self.refusal(f"has more than {MOST_POINTS} points on its curves, allowed are fewer")
+            raise self.refusal(f"has more than {MOST_POINTS} points on its curves, must be fewer")
 
     def check_reach(self, layer: str, points: Points) -> None:
         """Refuse points, or points of control, that no plate has.
@@ -153,7 +153,7 @@ class Account:
             size = (
                 f"reaches {reach:.3g} mm from its origin" if math.isfinite(reach) else "has a place that is no number"
             )
-            raise self.refusal(f"{size} in the layer {layer}, allowed is up to {FARTHEST_MM:g} mm")
+            raise self.refusal(f"{size} in the layer {layer}, must be up to {FARTHEST_MM:g} mm")
 
     def to_text(self) -> str:
         """The account in one line."""

@@ -69,7 +69,7 @@ def read_svg(path: Path, unit: str | None, account: Account) -> Iterator[Stroke]
     space, name = local(root.tag)
     if name != "svg" or space not in ("", SPACE):
         kind = f"{name} of {space!r}" if space else name
-        raise account.refusal(f"is not an SVG drawing but {kind}, allowed is svg of {SPACE!r}")
+        raise account.refusal(f"is not an SVG drawing but {kind}, must be svg of {SPACE!r}")
     return _Reader(root, account).strokes(*page_matrix(root, unit, account))
 
 
@@ -87,7 +87,7 @@ class _Reader:
 
     def strokes(self, matrix: Points, viewport: tuple[float, float]) -> Iterator[Stroke]:
         if self.root.get("transform"):
-            raise self.account.refusal("has a page with a transform, allowed is one on a group")
+            raise self.account.refusal("has a page with a transform, must be one on a group")
         page = self._state(self.root, State(matrix, viewport))._replace(layer=None, name="without a name")
         stack = [(child, page) for child in reversed(self.root)]
         while stack:
@@ -127,7 +127,7 @@ class _Reader:
         if placing and element is not self.root:
             raise self.account.refusal(
                 f"has a {name} in {layer or (names[0] if names else parent.name)} whose {min(placing)} is given by a "
-                "style, allowed are attributes"
+                "style, must be attributes"
             )
 
         def value(key: str) -> str:
@@ -162,7 +162,7 @@ class _Reader:
         if state.removed or state.invisible:
             raise self.account.hidden(name, state.layer)
         if state.cut:
-            raise self.account.refusal(f"has a clipped {name} in the layer {state.layer}, allowed are whole ones")
+            raise self.account.refusal(f"has a clipped {name} in the layer {state.layer}, must be whole ones")
         path = path_of(element, name, state.viewport, self.account)
         pieces = list(followed(path, state.matrix, state.layer, self.account)) if path.strip() else []
         if not pieces:
@@ -203,7 +203,7 @@ class _Reader:
         if local(target.tag)[1] not in ("symbol", "svg"):
             return [(target, placed)]
         if target.get("refX") or target.get("refY"):
-            raise self.account.refusal(f"copies the symbol {link!r} by its refX or refY, allowed is its corner")
+            raise self.account.refusal(f"copies the symbol {link!r} by its refX or refY, must be its corner")
         inner = self._within(target, self._state(target, placed), element)
         return [(child, inner) for child in reversed(target)]
 
@@ -211,7 +211,7 @@ class _Reader:
         """An element that draws no line."""
         layer = state.layer or _layer_within(element)
         if name not in TEXTS and _shapes_in(element) and layer is not None:
-            raise self.account.refusal(f"has shapes in a {name} in the layer {layer}, allowed are groups")
+            raise self.account.refusal(f"has shapes in a {name} in the layer {layer}, must be groups")
         self.account.ignore("texts" if name in TEXTS else "pictures" if name in PICTURES else "unknown elements")
 
     def _foreign(self, element: Any, name: str, parent: State) -> None:
@@ -219,7 +219,7 @@ class _Reader:
         layer = parent.layer or _layer_within(element)
         if layer is not None and _shapes_in(element):
             raise self.account.refusal(
-                f"has a {name} of another namespace in the layer {layer}, allowed are shapes of {SPACE!r}"
+                f"has a {name} of another namespace in the layer {layer}, must be shapes of {SPACE!r}"
             )
         self.account.ignore("elements of other namespaces")
 
@@ -257,13 +257,13 @@ def _rules(root: Any, account: Account) -> dict[str, list[tuple[int, dict[str, s
             for selector in (name.strip() for name in selectors.split(",")):
                 number += 1
                 if number > MOST_RULES:
-                    raise account.refusal(f"has more than {MOST_RULES} rules of style, allowed are fewer")
+                    raise account.refusal(f"has more than {MOST_RULES} rules of style, must be fewer")
                 if SELECTOR.fullmatch(selector) and not (decides and "!important" in body.replace(" ", "")):
                     rank = MOST_RULES * (1 + ".#".find(selector[0])) + number
                     rules.setdefault(selector, []).append((rank, properties))
                 elif decides and selector and not selector.startswith("@"):
                     raise account.refusal(
-                        f"has a rule of style for {selector!r} that gives {decides[0]}, allowed are rules of one tag, "
+                        f"has a rule of style for {selector!r} that gives {decides[0]}, must be rules of one tag, "
                         "class or id, without !important"
                     )
     return rules

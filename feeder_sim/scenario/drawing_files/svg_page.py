@@ -44,10 +44,10 @@ def length(text: str, reference: float, account: Account) -> float:
     """
     match = LENGTH.fullmatch(text)
     if match is None:
-        raise account.refusal(f"has a length {text!r}, allowed is a number, perhaps in mm, cm, in, pt, pc, px, Q or %")
+        raise account.refusal(f"has a length {text!r}, must be a number, perhaps in mm, cm, in, pt, pc, px, Q or %")
     value, unit = float(match[1]), (match[2] or "px").lower()
     if unit == "%" and reference == 0.0:
-        raise account.refusal(f"has a length of {text!r} of a page without a size, allowed is a number")
+        raise account.refusal(f"has a length of {text!r} of a page without a size, must be a number")
     if unit == "%":
         return 0.01 * value * reference
     return value * PHYSICAL.get(unit, PX) / PX
@@ -64,10 +64,10 @@ def view_box(element: Any, account: Account) -> tuple[float, float, float, float
         return None
     parts = re.split(r"[\s,]+", text.strip())
     if len(parts) != 4 or not all(re.fullmatch(NUMBER, part) for part in parts):
-        raise account.refusal(f"has a viewBox {text!r}, allowed are four numbers")
+        raise account.refusal(f"has a viewBox {text!r}, must be four numbers")
     x, y, width, height = map(float, parts)
     if not (0.0 < width < math.inf and 0.0 < height < math.inf):
-        raise account.refusal(f"has a viewBox {text!r}, allowed are sides above 0")
+        raise account.refusal(f"has a viewBox {text!r}, must be sides above 0")
     return x, y, width, height
 
 
@@ -99,10 +99,10 @@ def page_matrix(root: Any, unit: str | None, account: Account) -> tuple[Points, 
         matrix, height = _physical(root, box, millimetres, account)
         if unit is not None and not np.allclose(np.abs(np.diag(matrix)[:2]), MM[unit], rtol=AGREE):
             raise account.refusal(
-                f"says that a unit is {matrix[0, 0]:.5g} mm, drawing_unit is {unit!r}: allowed is no other"
+                f"says that a unit is {matrix[0, 0]:.5g} mm, drawing_unit is {unit!r}: must be no other"
             )
     elif unit is None:
-        raise account.refusal(f"does not say its unit, allowed is drawing_unit with {', '.join(MM)}")
+        raise account.refusal(f"does not say its unit, must be drawing_unit with {', '.join(MM)}")
     else:
         x, y, _, tall = box or (0.0, 0.0, 0.0, 0.0 if sides[1][1] == "%" else sides[1][0])
         matrix = MM[unit] * np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, 1.0 / MM[unit]]])
@@ -120,7 +120,7 @@ def _side(text: str | None, account: Account) -> tuple[float, str]:
     """
     match = LENGTH.fullmatch("100%" if text is None or text.strip() == "auto" else text)
     if match is None or not 0.0 < float(match[1]) < math.inf:
-        raise account.refusal(f"has a page of width or height {text!r}, allowed is a length above 0")
+        raise account.refusal(f"has a page of width or height {text!r}, must be a length above 0")
     return float(match[1]), (match[2] or "px").lower()
 
 

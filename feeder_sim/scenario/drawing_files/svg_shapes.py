@@ -37,7 +37,7 @@ def transform_of(element: Any, account: Account) -> Points:
         match = TRANSFORM.match(text, at)
         numbers = [float(part) for part in re.findall(NUMBER, match[2])] if match is not None else []
         if match is None or len(numbers) not in ARGUMENTS[match[1]]:
-            raise account.refusal(f"has a transform {text!r} that is none, allowed is one of {', '.join(ARGUMENTS)}")
+            raise account.refusal(f"has a transform {text!r} that is none, must be one of {', '.join(ARGUMENTS)}")
         matrix = matrix @ _elementary(match[1], numbers)
         at = match.end()
     return matrix
@@ -112,7 +112,7 @@ def path_of(element: Any, name: str, viewport: tuple[float, float], account: Acc
 def _not_negative(name: str, sizes: tuple[float, ...], path: str, account: Account) -> str:
     """The path, if no size is negative, which is an error by the standard."""
     if min(sizes) < 0.0:
-        raise account.refusal(f"has a {name} of a negative size, allowed is 0 and above")
+        raise account.refusal(f"has a {name} of a negative size, must be 0 and above")
     return path
 
 
@@ -137,7 +137,7 @@ def followed(path: str, matrix: Points, layer: str, account: Account) -> Iterato
     path = CLOSED_AGAIN.sub(r"\1 ", path)  # closing twice is closing once
     reopened = len(re.findall(r"[Zz](?![\s,]*+(?:[Mm]|$))", path))
     if reopened > MOST_REOPENED or len(re.findall(NUMBER, path)) > MOST_NUMBERS:
-        raise account.refusal(f"has a path of too many pieces in the layer {layer}, allowed are {MOST_NUMBERS} numbers")
+        raise account.refusal(f"has a path of too many pieces in the layer {layer}, must be {MOST_NUMBERS} numbers")
     try:
         segments = list(svg.Path(path)) if COMMANDS.fullmatch(path) else None
     except (ValueError, IndexError, TypeError, ArithmeticError):

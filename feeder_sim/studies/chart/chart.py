@@ -182,7 +182,7 @@ class Chart(Study):
 
     def measure(self, name: str | None = None) -> str:
         if name and name != self.name:
-            raise InputError(f"is {name}, allowed is {self.name}: a chart is one of a measure", argument="measure")
+            raise InputError(f"is {name}, must be {self.name}: a chart is one of a measure", argument="measure")
         return self.name
 
     def table(self) -> list[Record]:

@@ -90,12 +90,10 @@ class DriftMap:
         """
         low, high = self.frequency[[0, -1]]
         if not low <= frequency <= high:
-            raise InputError(
-                f"is {frequency:g}, allowed is {low:g} to {high:g} with this drift map", key="frequency_hz"
-            )
+            raise InputError(f"is {frequency:g}, must be {low:g} to {high:g} with this drift map", key="frequency_hz")
         if speed > self.speed[-1]:
             raise InputError(
-                f"moves an antinode at {speed:.3g} m/s, allowed is up to {self.speed[-1]:g} m/s with this drift map",
+                f"moves an antinode at {speed:.3g} m/s, must be up to {self.speed[-1]:g} m/s with this drift map",
                 key="drive",
             )
 

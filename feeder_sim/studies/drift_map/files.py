@@ -61,7 +61,7 @@ def load_map(path: Path, scenario: Scenario | None = None, thickness: float | No
         if about["format"] != FORMAT:
             raise ValueError
         if about["version"] != VERSION:
-            problem = f"is of version {about['version']}, allowed is {VERSION}: make it again"
+            problem = f"is of version {about['version']}, must be {VERSION}: make it again"
             raise InputError(problem, file=path)
         inputs = MapInputs(**about["made"])
         plate = RectangularPlate(**about["plate"] | {"material": Material(**about["plate"]["material"])})
@@ -74,7 +74,7 @@ def load_map(path: Path, scenario: Scenario | None = None, thickness: float | No
     except OSError as error:
         raise InputError(f"cannot be read: {cause_of(error)}", file=path) from error
     except (ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError("is no drift map, allowed is a file that one was saved to", file=path) from error
+        raise InputError("is no drift map, must be a file that one was saved to", file=path) from error
     if scenario is not None:
         check_made(drift_map, scenario, drift_map.made.thickness if thickness is None else thickness, path)
     return drift_map
@@ -89,14 +89,14 @@ def check_made(drift_map: DriftMap, scenario: Scenario, thickness: float, path: 
     requested, inputs = made_of(scenario, thickness), drift_map.made
     for name, what in (("part", "part"), ("contact", "contact"), ("method", "engine or step")):
         if getattr(requested, name) != getattr(inputs, name):
-            raise InputError(f"is of another {what}, allowed is a drift map of that of the scenario", file=path)
+            raise InputError(f"is of another {what}, must be a drift map of that of the scenario", file=path)
     material, of_map = resolve_material(strip_of(scenario).material), drift_map.plate.material
     for constant in asdict(of_map):
         if not _is_close(getattr(material, constant), getattr(of_map, constant)):
-            raise InputError("is of a plate of another material, allowed is that of the scenario", file=path)
+            raise InputError("is of a plate of another material, must be that of the scenario", file=path)
     if abs(requested.thickness / inputs.thickness - 1.0) > 1e-6:
         raise InputError(
-            f"is of a plate of {1e3 * inputs.thickness:g} mm, allowed is {1e3 * thickness:g} mm, that of the scenario",
+            f"is of a plate of {1e3 * inputs.thickness:g} mm, must be {1e3 * thickness:g} mm, that of the scenario",
             file=path,
         )
 

@@ -128,11 +128,9 @@ def made_of(scenario: Scenario, thickness: float) -> MapInputs:
         InputError: there are several kinds of parts, a guide, or a contact or simplification beyond the map.
     """
     if len(scenario.part) != 1:
-        raise InputError(
-            f"is given {len(scenario.part)} times, allowed is one kind of part with a drift map", key="part"
-        )
+        raise InputError(f"is given {len(scenario.part)} times, must be one kind of part with a drift map", key="part")
     if scenario.part[0].guide is not None:
-        raise InputError("is given, allowed is none with a drift map", key="part[0].guide")
+        raise InputError("is given, must be none with a drift map", key="part[0].guide")
     run = scenario.run
     for name, plain in (
         ("in_plane_velocity", True),
@@ -142,7 +140,7 @@ def made_of(scenario: Scenario, thickness: float) -> MapInputs:
     ):
         if getattr(run, name) != plain:
             raise InputError(
-                f"is {str(not plain).lower()}, allowed is {str(plain).lower()} with a drift map", key=f"run.{name}"
+                f"is {str(not plain).lower()}, must be {str(plain).lower()} with a drift map", key=f"run.{name}"
             )
     part = content_text(scenario.part[0].model_dump(exclude={"start", "count", "name", "guide"}))
     contact = scenario.contact.model_dump_json(exclude={"part_restitution", "part_friction"})
@@ -169,7 +167,7 @@ def strip_of(scenario: Scenario) -> Strip:
     if isinstance(plate, BendingPlate):
         return Strip(thickness_mm=plate.thickness_mm, material=plate.material)
     if not isinstance(plate, Rectangle | ModePlate):
-        raise InputError(f'is "{plate.kind}", allowed is a plate with bending waves', key="plate.kind")
+        raise InputError(f'is "{plate.kind}", must be a plate with bending waves', key="plate.kind")
     if plate.mode_file is None:
         assert isinstance(plate, Rectangle) and plate.thickness_mm is not None  # its own check
         return Strip(thickness_mm=plate.thickness_mm, material=plate.material or "aluminium")

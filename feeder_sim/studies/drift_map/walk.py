@@ -129,12 +129,12 @@ def walk(
         drift_map.check_covers(drive.drive_frequency, fastest * float(scene.surface.extremes[0, drive.shape]))
         modes.append(Mode.of(drift_map, scene.surface, drive.shape, drive.drive_frequency))
         if excitation.followers:
-            raise InputError("moves other modes too, allowed is one mode with a drift map", key=f"{key}.modes")
+            raise InputError("moves other modes too, must be one mode with a drift map", key=f"{key}.modes")
     walkers = _Walkers(drift_map, scene, np.array(points, float), rng, step, look)
     total, durations, before = np.zeros(len(points)), [], None
     for number, stage in enumerate(scene.times.stages):
         if len(stage.excitations) > 1:
-            problem = f"drives {len(stage.excitations)} modes at once, allowed is one with a drift map"
+            problem = f"drives {len(stage.excitations)} modes at once, must be one with a drift map"
             raise InputError(problem, key=stage.name or "drive")
         ring = _Ring.of(stage, modes, scene.drives, before)
         durations.append(walkers.driven(ring, number))

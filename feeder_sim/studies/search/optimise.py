@@ -134,7 +134,7 @@ class SearchPlan(Plan):
             check_measure(self._aim.measure, seed.values, self._aim.argument)
 
     def part(self, number: int, of: int) -> SearchPlan:
-        raise InputError("is given, allowed is none: a search learns from all its trials", argument="task")
+        raise InputError("is given, must be none: a search learns from all its trials", argument="task")
 
     def run(self, bench: Bench) -> bool:
         question = self._question

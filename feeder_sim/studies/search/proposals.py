@@ -109,7 +109,7 @@ def _study(log: Path | None, space: Space, aim: Aim, sampler: str) -> Study:
         storage = JournalStorage(JournalFileBackend(str(log))) if log else InMemoryStorage()
         return optuna.create_study(study_name=name, storage=storage, direction=direction, load_if_exists=True)
     except Exception as error:  # of a damaged file Optuna raises what it likes
-        raise InputError(f"is no record of a search, allowed is another folder ({error})", file=log) from error
+        raise InputError(f"is no record of a search, must be another folder ({error})", file=log) from error
 
 
 def _sampler_of(name: str, space: Space, number: int) -> BaseSampler:
@@ -135,7 +135,7 @@ def _check_sampler(name: str, space: Space) -> None:
     if name != "cmaes":
         return
     if any(parameter.span is None for parameter in space.parameters):
-        raise InputError('is "cmaes", allowed is "tpe" where there are choices', argument="sampler")
+        raise InputError('is "cmaes", must be "tpe" where there are choices', argument="sampler")
     if importlib.util.find_spec("cmaes") is None:
         raise MissingExtra("search", argument="sampler")
 

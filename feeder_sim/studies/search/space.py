@@ -97,7 +97,7 @@ class Space:
             parameters.append(Parameter(axis.key, *_span_and_choices(axis, is_integer)))
         keys = [parameter.key for parameter in parameters]
         if not keys or len(set(keys)) < len(keys):
-            raise InputError("is missing or names a key twice, allowed is each key once", argument="over")
+            raise InputError("is missing or names a key twice, must be each key once", argument="over")
         space = Space(scenario, tuple(parameters), file)
         for parameter in parameters:
             ends = (parameter.span.low, parameter.span.high) if parameter.span else parameter.choices
@@ -140,9 +140,9 @@ class Space:
 
 def _span_and_choices(axis: Axis, is_integer: bool) -> tuple[Range | None, bool, tuple[Any, ...]]:
     if axis.values and axis.span:
-        raise InputError("has a number of values, allowed is LOW:HIGH or LOW:HIGH:log", key=axis.key, argument="over")
+        raise InputError("has a number of values, must be LOW:HIGH or LOW:HIGH:log", key=axis.key, argument="over")
     if axis.span is None:
         return None, False, axis.values
     if is_integer and not (axis.span.low.is_integer() and axis.span.high.is_integer()):
-        raise InputError("has ends that are not whole, allowed are whole numbers", key=axis.key, argument="over")
+        raise InputError("has ends that are not whole, must be whole numbers", key=axis.key, argument="over")
     return axis.span, is_integer, ()

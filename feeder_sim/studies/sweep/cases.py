@@ -187,9 +187,9 @@ class Cases:
         """
         for key in with_frequencies(scenario, points[0], file=file):
             if any(overlap(key, other) for other in draws[0]):
-                raise InputError("is varied, but also [uncertain]; allowed is one of them", file=file, key=key)
+                raise InputError("is varied, but also [uncertain]; must be one of them", file=file, key=key)
         if effort.until_se is not None and len(draws) > 1:
-            problem = "is given, allowed is none with [uncertain] inputs: more draws narrow their interval"
+            problem = "is given, must be none with [uncertain] inputs: more draws narrow their interval"
             raise InputError(problem, argument="until_se")
         rows = []
         for point in points:

@@ -62,7 +62,7 @@ def mode_frequencies(plate: Any) -> tuple[float, ...]:
         return _described(plate)
     file = plate.get("mode_file") if isinstance(plate, Mapping) else None
     if not isinstance(file, str | Path):
-        raise InputError("is missing, allowed is a mode file where modes are varied", key="plate.mode_file")
+        raise InputError("is missing, must be a mode file where modes are varied", key="plate.mode_file")
     try:
         state = Path(file).stat()
     except OSError:
@@ -79,7 +79,7 @@ def _described(plate: Mapping[str, Any]) -> tuple[float, ...]:
     """Of a plate that the scenario describes."""
     checked = validated(dict(plate), BendingPlate, Path("plate"))
     if checked.highest_frequency_hz is None:
-        raise InputError("is missing, allowed is a number where modes are varied", key="plate.highest_frequency_hz")
+        raise InputError("is missing, must be a number where modes are varied", key="plate.highest_frequency_hz")
     return _driven_at(modes_of_plate(checked.as_file(checked.highest_frequency_hz)))
 
 
@@ -89,7 +89,7 @@ def _driven_at(mode_file: ModeFile) -> tuple[float, ...]:
 
 def _frequency(frequencies: tuple[float, ...], key: str, mode: Any) -> float:
     if not isinstance(mode, int) or not 1 <= mode <= len(frequencies):
-        raise InputError(f"is {mode}, allowed is 1 to {len(frequencies)}, the modes of the plate", key=key)
+        raise InputError(f"is {mode}, must be 1 to {len(frequencies)}, the modes of the plate", key=key)
     return frequencies[mode - 1]
 
 
@@ -151,14 +151,14 @@ def read_axis(text: str, argument: str = "vary") -> Axis:
 def spread(key: str, span: Range, count: int, argument: str) -> Axis:
     """So many values over a range, both ends among them."""
     if not 2 <= count <= MOST_POINTS:
-        raise InputError(f"has {count} values, allowed are 2 to {MOST_POINTS}", key=key, argument=argument)
+        raise InputError(f"has {count} values, must be 2 to {MOST_POINTS}", key=key, argument=argument)
     return Axis(key, tuple(span.at(i / (count - 1)) for i in range(count)), span)
 
 
 def listed_axis(key: str, values: Sequence[Any], argument: str) -> Axis:
     """The values of a list, none of them twice."""
     if not values or len({_comparable(value) for value in values}) < len(values) or None in values:
-        raise InputError("has no value, or one twice; allowed are different values", key=key, argument=argument)
+        raise InputError("has no value, or one twice; must be different values", key=key, argument=argument)
     return Axis(key, tuple(values))
 
 
@@ -185,9 +185,9 @@ def check_apart(keys: Sequence[str]) -> None:
     """
     for key, other in itertools.combinations(keys, 2):
         if path_of(key) == path_of(other):
-            raise InputError("is varied twice, allowed is once", key=key, argument="vary")
+            raise InputError("is varied twice, must be once", key=key, argument="vary")
         if overlap(key, other):
-            problem = f"is varied, and so is {other}: one is within the other, allowed is one of them"
+            problem = f"is varied, and so is {other}: one is within the other, must be one of them"
             raise InputError(problem, key=key, argument="vary")
 
 
@@ -208,7 +208,7 @@ def side_by_side(axes: Sequence[Axis]) -> list[Point]:
     counts = {len(axis.values) for axis in axes}
     if len(counts) > 1:
         counted = ", ".join(f"{axis.key} {len(axis.values)}" for axis in axes)
-        raise InputError(f"have different numbers of values ({counted}), allowed is the same", argument="vary, zip")
+        raise InputError(f"have different numbers of values ({counted}), must be the same", argument="vary, zip")
     _check_number(max(counts))
     return [_point(axes, values) for values in zip(*(axis.values for axis in axes), strict=True)]
 
@@ -243,10 +243,10 @@ def _point(axes: Sequence[Axis], values: Sequence[Any]) -> Point:
 
 def _range(span: Range, key: str, argument: str) -> Range:
     if not (math.isfinite(span.low) and math.isfinite(span.high) and span.low < span.high):
-        problem = f"is {span.low:g}:{span.high:g}, allowed is LOW:HIGH with LOW below HIGH"
+        problem = f"is {span.low:g}:{span.high:g}, must be LOW:HIGH with LOW below HIGH"
         raise InputError(problem, key=key, argument=argument)
     if span.log and span.low <= 0.0:
-        problem = f"begins at {span.low:g}, allowed is above 0 on a logarithmic scale"
+        problem = f"begins at {span.low:g}, must be above 0 on a logarithmic scale"
         raise InputError(problem, key=key, argument=argument)
     return span
 
@@ -254,7 +254,7 @@ def _range(span: Range, key: str, argument: str) -> Range:
 def _check_axes(axes: Sequence[Axis], *, ranges: bool = False) -> None:
     check_apart([axis.key for axis in axes])
     if not axes:
-        raise InputError("is missing, allowed are one or several keys with values", argument="vary")
+        raise InputError("is missing, must be one or several keys with values", argument="vary")
     for axis in axes:
         if not axis.values and not ranges:
             raise InputError("has a range without a number of values, which only a Sobol sample takes", key=axis.key)
@@ -262,7 +262,7 @@ def _check_axes(axes: Sequence[Axis], *, ranges: bool = False) -> None:
 
 def _check_number(count: int) -> None:
     if not 1 <= count <= MOST_POINTS:
-        raise InputError(f"has {count} points, allowed are 1 to {MOST_POINTS}", argument="vary")
+        raise InputError(f"has {count} points, must be 1 to {MOST_POINTS}", argument="vary")
 
 
 def _at_commas(text: str) -> list[str]:

@@ -99,7 +99,7 @@ class SweepQuestion(Question):
             InputError: axes that do not make points.
         """
         if self.sobol and self.zip:
-            raise InputError("are both given, allowed is one of them", argument="zip, sobol")
+            raise InputError("are both given, must be one of them", argument="zip, sobol")
         if self.sobol:
             return sobol_sample(self.axes, self.sobol, scenario.run.seed)
         return side_by_side(self.axes) if self.zip else grid(self.axes)
@@ -111,7 +111,7 @@ class SweepQuestion(Question):
             InputError: `until_se` without a measure to look at.
         """
         if self.until_se and not self.measure:
-            raise InputError("is missing, allowed is the measure whose standard error is looked at", argument="measure")
+            raise InputError("is missing, must be the measure whose standard error is looked at", argument="measure")
         seeds = self.seeds or scenario.run.seeds
         return Effort(seeds, self.until_se, max(self.most_seeds, seeds), self.measure or "")
 
@@ -304,7 +304,7 @@ class Sweep(Study):
         draws = question.inputs if uncertain else 0
         rows = table.rows(lambda line: _row(line, keys, draws))
         if not rows:
-            raise InputError("holds no point, allowed is a sweep with at least one that is done", file=folder / CSV)
+            raise InputError("holds no point, must be a sweep with at least one that is done", file=folder / CSV)
         by_point: dict[tuple[Any, ...], list[Row]] = {}
         for row in rows:
             by_point.setdefault(tuple(row.point.values()), []).append(row)
@@ -383,4 +383,4 @@ def _listed(key: str, values: Any) -> str:
     try:
         return json.dumps([value.item() if isinstance(value, np.generic) else value for value in values])
     except TypeError as error:
-        raise InputError(f"is {quoted(values)}, allowed are numbers, texts and tables", key=str(key)) from error
+        raise InputError(f"is {quoted(values)}, must be numbers, texts and tables", key=str(key)) from error

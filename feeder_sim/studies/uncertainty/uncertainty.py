@@ -94,11 +94,11 @@ class UncertaintyQuestion(Question):
 
     def plan(self, scenario: Scenario, file: Path) -> CasesPlan:
         if not scenario.uncertain:
-            raise InputError("is missing, allowed is a table with the inputs that are uncertain", key="[uncertain]")
+            raise InputError("is missing, must be a table with the inputs that are uncertain", key="[uncertain]")
         if self.indices and self.inputs & (self.inputs - 1):
-            raise InputError(f"is {self.inputs}, allowed is a power of two with indices", argument="inputs")
+            raise InputError(f"is {self.inputs}, must be a power of two with indices", argument="inputs")
         if self.indices and self.seeds < SEEDS:
-            problem = "is 1, allowed is 2 or more with indices: one seed does not tell how far seeds scatter"
+            problem = "is 1, must be 2 or more with indices: one seed does not tell how far seeds scatter"
             raise InputError(problem, argument="seeds")
         draws = saltelli_draws(scenario, self.inputs) if self.indices else draws_of(scenario, self.inputs)
         cases = Cases.at(scenario, [{}], draws, Effort(self.seeds, measure=self.measure or ""), file=file)
@@ -316,7 +316,7 @@ class Uncertainty(Study):
         measures = table.head[len(keys) + 1 :]
         rows = table.rows(lambda line: _row(line, keys, measures))
         if not rows:
-            raise InputError("holds no draw, allowed is a folder with at least one that is done", file=folder / DRAWS)
+            raise InputError("holds no draw, must be a folder with at least one that is done", file=folder / DRAWS)
         empty = any(not seed.values for _, seed in rows)
         causes = _causes(folder.glob(f"{JOURNAL}*.jsonl")) if empty else {}
         count = question.draws(scenario)
