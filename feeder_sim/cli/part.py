@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from feeder_sim.cli.files import new_picture, writable
-from feeder_sim.cli.report import as_lines, print_table
+from feeder_sim.cli.report import as_lines, print_rows
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, printable
 
@@ -227,17 +227,13 @@ def _print_poses(poses: list[dict[str, Any]], drops: dict[str, Any] | None) -> N
     if not poses:
         print("stable poses: none, the part lies on any side")
         return
-    rows = [pose | {"slowly": _percent(pose)} for pose in poses[:MOST_POSES]]
-    columns = {
-        "pose": "{name}",
-        "centre (mm)": "{height_mm:.3f}",
-        "yaws": "{yaws}",
-        "put down slowly (%)": "{slowly:.1f}",
-    }
-    if drops:
-        rows = [row | {"dropped": 100.0 * row["share"], "error": 100.0 * row["se"]} for row in rows]
-        columns |= {"dropped (%)": "{dropped:.1f} +- {error:.1f}"}
-    print_table(rows, columns)
+    rows = [
+        {"pose": pose["name"], "height_mm": pose["height_mm"], "yaws": pose["yaws"]}
+        | {"put_down_slowly_percent": 100.0 * pose["quasi_static_chance"]}
+        | ({"dropped_percent": 100.0 * pose["share"], "se_percent": 100.0 * pose["se"]} if drops else {})
+        for pose in poses[:MOST_POSES]
+    ]
+    print_rows(rows)
     if len(poses) > MOST_POSES:
         print(f"and {len(poses) - MOST_POSES} more, with --json")
     if drops:
@@ -246,7 +242,3 @@ def _print_poses(poses: list[dict[str, Any]], drops: dict[str, Any] | None) -> N
             f"{drops['restitution']:g}, friction {drops['friction']:g}"
             + (f"; {drops['still_moving']} were still moving" if drops["still_moving"] else "")
         )
-
-
-def _percent(pose: dict[str, Any]) -> float:
-    return 100.0 * float(pose["quasi_static_chance"])

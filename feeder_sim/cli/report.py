@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from feeder_sim.errors import escaped, printable, shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 
 
 # What the commands about actuators print: the peaks of a response, the ranking of modes.
+
+MECHANICAL = (
+    *("mode", "frequency_hz", "amplitude_um", "amplitude_bounds_um", "damping_ratio"),
+    *("current_ma", "power_w", "ceramic_heat_w", "force_per_volt_n"),
+)
+ELECTRICAL = ("mode", "impedance_ohm", "impedance_phase_deg", "series_resistance_ohm", "resistance_maximum_hz")
 
 
 def print_response(
@@ -65,30 +71,10 @@ def print_response(
         print(json.dumps({"actuator": list(names), "voltage_vpp": volts, "peaks": rows}))
         return
     print(f"driven: {', '.join(names)} at {volts:g} V peak to peak")
-    columns = {"mode": "{mode}", "frequency (Hz)": "{frequency_hz:.1f}", "amplitude (um)": "{amplitude_um:.4g}"}
-    columns |= {
-        "within": "{within}",
-        "damping ratio": "{damping_ratio:.5f}",
-        "current (mA)": "{current_ma:.4g}",
-        "power (W)": "{power_w:.3g}",
-        "in the ceramic": "{ceramic_heat_w:.3g}",
-    }
-    electrical = {"mode": "{mode}", "|Z| (ohm)": "{impedance_ohm:.4g}", "phase (deg)": "{impedance_phase_deg:.1f}"}
-    electrical |= {"R (ohm)": "{series_resistance_ohm:.3g}", "highest at (Hz)": "{resistance_maximum_hz:.1f}"}
-    columns |= {f"N/V {actuator.name}": f"{{force{i}:+.3g}}" for i, actuator in enumerate(plate.actuators)}
-    forced = [{f"force{i}": force for i, force in enumerate(row["force_per_volt_n"].values())} for row in rows]
-    print_table([row | force | _within(row) for row, force in zip(rows, forced, strict=True)], columns)
-    if not rows:
-        print("no peak in this range")
+    print_rows(rows, MECHANICAL, none="no peak in this range")
     if rows and rows[0]["impedance_ohm"] is not None:
         print("the driven patches in parallel at these frequencies, and where their series resistance is highest:")
-        print_table(rows, electrical)
-
-
-def _within(row: dict[str, Any]) -> dict[str, str]:
-    """The bounds of an amplitude in words; "" where they are the same."""
-    low, high = row["amplitude_bounds_um"]
-    return {"within": "" if low == high else f"{low:.3g} to {high:.3g}"}
+        print_rows(rows, ELECTRICAL)
 
 
 def print_fit(fit: SweepFit, modes: Sequence[int | None], as_json: bool) -> None:
@@ -106,8 +92,7 @@ def print_fit(fit: SweepFit, modes: Sequence[int | None], as_json: bool) -> None
     if as_json:
         print(json.dumps({"resonances": rows, "loss_tangent": fit.loss_tangent, "scatter": fit.scatter}))
         return
-    columns = {"mode": "{mode}", "frequency (Hz)": "{frequency_hz:.3f}", "+-": "{frequency_error_hz:.1g}"}
-    print_table(rows, columns | {"damping ratio": "{damping_ratio:.5f}", "+- ": "{damping_error:.1g}"})
+    print_rows(rows)
     print(f"loss tangent of the ceramic {fit.loss_tangent:.3g}, scatter of the resistance {fit.scatter:.2%}")
     for row in rows:
         mode = "# no mode within 2 %" if row["mode"] is None else f"mode = {row['mode']}"
@@ -135,19 +120,7 @@ def print_ranking(ranked: Sequence[RankedMode], levels: Sequence[float], as_json
         }
         for mode, level in zip(ranked, levels, strict=True)
     ]
-    if as_json:
-        print(json.dumps(rows))
-        return
-    columns = {"mode": "{mode}", "frequency (Hz)": "{frequency_hz:.1f}", "amplitude (um)": "{amplitude_um:.4g}"}
-    columns |= {"within": "{within}", "antinode (um)": "{antinode_um:.4g}", "peak (g)": "{peak_acceleration_g:.4g}"}
-    columns |= {
-        "hop (mm)": "{hop_height_mm:.3g}",
-        "dB(A)": "{sound_dba_at_1_m:.0f}",
-        "N/V": "{force_per_volt_n:+.3g}",
-        "actuator": "{actuator}",
-    }
-    near = [row | _within(row) | {"neighbours": ", ".join(map(str, row["neighbours"]))} for row in rows]
-    print_table(near, columns | {"within 2 %": "{neighbours}"})
+    print_rows(rows, as_json=as_json)
 
 
 def print_pairs(pairs: Sequence[ModePair], as_json: bool) -> None:
@@ -165,25 +138,11 @@ def print_pairs(pairs: Sequence[ModePair], as_json: bool) -> None:
             "moved": pair.moved,
             "thrown": pair.thrown,
             "hop_mm": 1e3 * pair.hop,
-            "dead_mm": None if pair.dead is None else [1e3 * c for c in pair.dead],
+            "dead_mm": None if pair.dead is None else [round(1e3 * c, 3) for c in pair.dead],
         }
         for pair in pairs
     ]
-    if as_json:
-        print(json.dumps(rows))
-        return
-    columns = {"gather": "{gather_mode}", "(Hz)": "{gather_hz:.1f}", "by": "{gather_actuator}"}
-    columns |= {"throw": "{throw_mode}", "(Hz) ": "{throw_hz:.1f}", "by ": "{throw_actuator}"}
-    columns |= {
-        "moved": "{moved:.0%}",
-        "thrown": "{thrown:.0%}",
-        "hop there (mm)": "{hop_mm:.3g}",
-        "dead at (mm)": "{at}",
-    }
-    places = [", ".join(f"{c:.0f}" for c in row["dead_mm"] or ()) for row in rows]
-    print_table([row | {"at": place} for row, place in zip(rows, places, strict=True)], columns)
-    if not rows:
-        print("no mode moves enough of the plate; a higher voltage may")
+    print_rows(rows, as_json=as_json, none="no mode moves enough of the plate; a higher voltage may")
 
 
 def write_response(spectrum: Response, names: Sequence[str], path: Path) -> None:
@@ -263,10 +222,7 @@ def print_boundaries(diagram: Diagram, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"boundaries": rows, "feigenbaum_ratios": ratios}))
         return
-    columns = {"period": "{period}", "from (um)": "{from_um:.5g}", "exact (um)": "{exact_um:.5g}"}
-    print_table(rows, columns | {"deviation (%)": "{deviation_percent:+.3f}"})
-    if not rows:
-        print("no boundary within the sweep")
+    print_rows(rows, none="no boundary within the sweep")
     if ratios:
         print(f"ratios of successive doublings: {', '.join(f'{r:.3f}' for r in ratios)} (Feigenbaum: 4.669)")
 
@@ -286,11 +242,7 @@ def print_modes(mode_file: ModeFile, as_json: bool) -> None:
                 "deviation_percent": 100.0 * (frequency / resonance.frequency - 1.0) if resonance else None,
             }
         )
-    if as_json:
-        print(json.dumps(rows))
-        return
-    columns = {"mode": "{mode}", "computed (Hz)": "{natural_frequency_hz:.1f}", "symmetry x,y": "{symmetry}"}
-    print_table(rows, columns | {"measured (Hz)": "{measured_hz:.1f}", "deviation (%)": "{deviation_percent:+.2f}"})
+    print_rows(rows, as_json=as_json)
 
 
 def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_json: bool) -> None:
@@ -316,13 +268,13 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
         return
     for route in routes:
         print(f"largest k {route.largest_k:.3f}, modes {', '.join(str(mode + 1) for mode in route.modes)}")
-        steps = [
-            {"mode": step.mode + 1, "hz": float(frequency[step.mode]), "start": 1e3 * step.start, "end": 1e3 * step.end}
-            | {"k": step.k, "growth": step.growth}
-            for step in route.steps
-        ]
-        columns = {"mode": "{mode}", "frequency (Hz)": "{hz:.1f}", "from (mm)": "{start:.2f}", "to (mm)": "{end:.2f}"}
-        print_table(steps, columns | {"k": "{k:.3f}", "offset grows by": "{growth:.3g}"})
+        print_rows(
+            [
+                {"mode": step.mode + 1, "frequency_hz": float(frequency[step.mode])}
+                | {"from_mm": 1e3 * step.start, "to_mm": 1e3 * step.end, "k": step.k, "offset_grows_by": step.growth}
+                for step in route.steps
+            ]
+        )
 
 
 def print_ratios(rows: Sequence[RatioRoutes], as_json: bool) -> None:
@@ -338,12 +290,7 @@ def print_ratios(rows: Sequence[RatioRoutes], as_json: bool) -> None:
         }
         for row in rows
     ]
-    if as_json:
-        print(json.dumps(entries))
-        return
-    table_rows = [entry | {"modes": ", ".join(map(str, entry["modes"])) or "none"} for entry in entries]
-    columns = {"length/width": "{ratio:.3f}", "largest k": "{largest_k:.3f}", "offset grows by": "{growth:.3g}"}
-    print_table(table_rows, columns | {"modes": "{modes}"})
+    print_rows(entries, as_json=as_json)
 
 
 def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:
@@ -361,11 +308,18 @@ def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:
         print(as_lines({key: value for key, value in row.items() if key != "stage"}, "  "))
 
 
-def print_table(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> None:
-    """Print rows by key as a table; columns: heads with templates, see `Table.of`."""
+def print_rows(
+    rows: Sequence[Mapping[str, Any]], keys: Sequence[str] | None = None, *, as_json: bool = False, none: str = ""
+) -> None:
+    """Print rows by key as a table, of all keys or some, or as JSON; `none` where there is no row."""
     from feeder_sim.document.document import Table
 
-    print("\n".join(Table.of(rows, columns).lines()))
+    if as_json:
+        print(json.dumps(rows))
+    elif rows or not none:
+        print("\n".join(Table.of(rows, keys).lines()))
+    else:
+        print(none)
 
 
 def as_lines(values: dict[str, Any], indent: str = "") -> str:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import functools
 import io
-import string
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
 from feeder_sim.document.figure import Figure, Picture
 from feeder_sim.document.player import Player, policy_for
+from feeder_sim.document.words import cell_text, headed
 from feeder_sim.errors import escaped
 
 WIDEST_TEXT = 10_000  # characters of a line
@@ -62,15 +62,27 @@ class Table:
         return [*([self.caption] if self.caption else []), *_lines_of(table)]
 
     @staticmethod
-    def of(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str], *, numbers_from: int = 0) -> Table:
-        """Of rows by key: heads, each with a template for its cells such as "{amplitude_um:.4g}"; None is empty."""
+    def of(rows: Sequence[Mapping[str, Any]], keys: Sequence[str] | None = None, *, numbers_from: int = 0) -> Table:
+        """Of rows by key, all of the same keys: heads are made of these keys, with their units; of all, or of some.
 
-        def cell(template: str, row: Mapping[str, Any]) -> str:
-            named = [name for _, name, _, _ in string.Formatter().parse(template) if name]
-            return "" if any(row[name] is None for name in named) else template.format_map(row)
+        A value by name, such as {"front": 0.1}, is a column for each name.
+        """
+        split = [_split(row, keys or list(row)) for row in rows]
+        heads = [key for key in split[0] if any(row[key] is not None for row in split)] if split else []
+        cells = tuple(tuple(cell_text(key, row[key]) for key in heads) for row in split)
+        return Table("", tuple(map(headed, heads)), cells, numbers_from)
 
-        cells = tuple(tuple(cell(template, row) for template in columns.values()) for row in rows)
-        return Table("", tuple(columns), cells, numbers_from)
+
+def _split(row: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
+    """A row with a key for every name of a value by name, between its words and its unit."""
+    split: dict[str, Any] = {}
+    for key in keys:
+        if isinstance(row[key], Mapping):
+            words, _, unit = key.rpartition("_")
+            split |= {f"{words}_{name}_{unit}": value for name, value in row[key].items()}
+        else:
+            split[key] = row[key]
+    return split
 
 
 @dataclass(frozen=True)

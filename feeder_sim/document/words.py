@@ -24,6 +24,10 @@ UNITS = {
     "deg": "degrees",
     "vpp": "V peak to peak",
     "gpa": "GPa",
+    "ohm": "ohm",
+    "ma": "mA",
+    "w": "W",
+    "n": "N",
     "percent": "%",
     "kg": "kg",
     "g": "g",
@@ -32,7 +36,7 @@ UNITS = {
 FILES = ("file", "shape", "mode_file", "pieces")  # of which the name is shown, not the path
 RANGES = ("drop_height_mm", "yaw_deg", "tilt_deg")  # from which each seed draws its own
 LONGEST_CELL = 200  # characters of a value in a table
-ENOUGH_DIGITS = 4
+ENOUGH_DIGITS, FREQUENCY_DIGITS = 4, 6
 
 
 def split_unit(key: str) -> tuple[str, str]:
@@ -100,6 +104,19 @@ def number(value: float, digits: int = ENOUGH_DIGITS) -> str:
     if 10**digits <= abs(value) < 1e6:
         return f"{value:.0f}"
     return f"{value:.{digits}g}"
+
+
+def cell_text(key: str, value: Any) -> str:
+    """A value in a table: a number as exact as its unit needs, both ends of bounds, lists with commas."""
+    if value is None:
+        return ""
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        if "bounds" in key and len(value) == 2:
+            return between(*value)
+        return ", ".join(cell_text(key, entry) for entry in value)
+    if isinstance(value, float):
+        return number(value, FREQUENCY_DIGITS if key.endswith("_hz") else ENOUGH_DIGITS)
+    return worded(value) if isinstance(value, bool) else str(value)
 
 
 def with_error(value: float, error: float) -> tuple[str, str]:

@@ -1,4 +1,8 @@
-"""Seeds that are done, by what decides their numbers; what comes is added to a journal, and no kill loses it."""
+"""Seeds that are done, by what decides their numbers; what comes is added to a journal, and no kill loses it.
+
+An entry is a seed with the identity of its scenario and the point of its study that it belongs to; or a note, which has
+no seed. A study goes on with seeds of the same identity. It is opened by points, whatever version has run them.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ import json
 import os
 import time
 import zlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -102,6 +106,12 @@ def _check(text: bytes) -> bytes:
     return f"{zlib.crc32(text):08x}".encode()
 
 
+def _key(point: Mapping[str, Any]) -> str:
+    """The same for 1 and 1.0, as an axis may have either."""
+    values = {key: float(v) if isinstance(v, int) and not isinstance(v, bool) else v for key, v in point.items()}
+    return json.dumps(values, sort_keys=True)
+
+
 class Ledger:
     """Seeds by the identity of their scenario; as a context it takes new ones.
 
@@ -115,11 +125,17 @@ class Ledger:
         self._path, self._measures_identity = path, measures_identity
         self._journal: Journal | None = None
         self._completed: dict[str, dict[int, SeedValues]] = {}
+        self._last_case: dict[str, str] = {}  # by point
+        self.notes: list[dict[str, Any]] = []
         for journal in journals:
             for entry in read_journal(journal):
+                if "seed" not in entry:
+                    self.notes.append(entry)
+                    continue
                 with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):  # of another program
-                    seed = SeedValues.of_entry(entry)
-                    self._completed.setdefault(str(entry["case"]), {})[seed.seed] = seed
+                    seed, case, point = SeedValues.of_entry(entry), str(entry["case"]), _key(entry["point"])
+                    self._completed.setdefault(case, {})[seed.seed] = seed
+                    self._last_case[point] = case
 
     def __len__(self) -> int:
         return sum(map(len, self._completed.values()))
@@ -129,23 +145,46 @@ class Ledger:
 
     def seeds_of(self, identity: str) -> dict[int, SeedValues]:
         """The seeds of a scenario that are done."""
-        return dict(self._completed.get(identity + self._measures_identity, {}))
+        return dict(self.recorded(self.case_of(identity)))
+
+    def recorded(self, case: str) -> dict[int, SeedValues]:
+        """The seeds of a case, as an entry names it."""
+        return self._completed.get(case, {})
+
+    def recorded_at(self, point: Mapping[str, Any]) -> dict[int, SeedValues]:
+        """The seeds of the last case that was run at a point."""
+        return self.recorded(self._last_case.get(_key(point), ""))
+
+    def case_of(self, identity: str) -> str:
+        """The name of a scenario in entries."""
+        return identity + self._measures_identity
 
     def foreign(self, identities: Collection[str] | None) -> int:
         """How many seeds are of other scenarios, of another version, or of files that have changed; 0 if not known."""
         if identities is None:
             return 0
-        ours = {identity + self._measures_identity for identity in identities}
+        ours = set(map(self.case_of, identities))
         return sum(len(seeds) for identity, seeds in self._completed.items() if identity not in ours)
 
-    def add(self, identity: str, seed: SeedValues) -> None:
+    def add(self, identity: str, point: Mapping[str, Any], seed: SeedValues) -> None:
         """Keep a seed that has come back.
 
         Raises:
             RecordingFailed: it cannot be written.
         """
         if self._journal is not None:
-            self._journal.add({"case": identity + self._measures_identity, **seed.as_entry()})
+            self._journal.add({"case": self.case_of(identity), "point": dict(point), **seed.as_entry()})
+
+    def note(self, entry: dict[str, Any]) -> None:
+        """Keep an entry without a seed, if it is not there.
+
+        Raises:
+            RecordingFailed: it cannot be written.
+        """
+        if entry not in self.notes:
+            self.notes.append(entry)
+            if self._journal is not None:
+                self._journal.add(entry)
 
     def __enter__(self) -> Self:
         self._journal = Journal(self._path) if self._path is not None else None

@@ -52,11 +52,6 @@ class RepeatedWarning:
         """As JSON takes it."""
         return {"warning": self.text, "at": self.at, "of": self.of, "numbers_differ": self.numbers_differ}
 
-    @staticmethod
-    def of_dict(entry: dict[str, Any]) -> RepeatedWarning:
-        """From what `as_dict` has made."""
-        return RepeatedWarning(str(entry["warning"]), int(entry["at"]), int(entry["of"]), bool(entry["numbers_differ"]))
-
 
 def warnings_over(places: Iterable[Iterable[SeedValues]]) -> list[RepeatedWarning]:
     """The warnings of all places, from the seeds that each has; a place without any does not count.

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.folder import SCENARIO, WorkFolder, usual_folder
+from feeder_sim.jobs.folder import JOURNAL, SCENARIO, WorkFolder, usual_folder
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import FOREIGN, Bench
 from feeder_sim.jobs.workers import Workers
@@ -155,4 +155,10 @@ def open_study(folder: Path) -> Study:
     if kind is None:
         allowed = ", ".join(kind.file for kind in KINDS.values())
         raise InputError(f"holds no question of many runs, must be a folder with one of {allowed}", file=folder)
-    return kind.open(folder)
+    ledger = Ledger(sorted(folder.glob(f"{JOURNAL}*.jsonl")))
+    if not len(ledger):
+        raise InputError(f"holds no seed of the {kind.kind} yet, the same command goes on", file=folder)
+    file = folder / SCENARIO
+    plan = kind.read(folder).plan(load_scenario(file), file)
+    plan.take(ledger, recorded=True)
+    return plan.study(plan.all_done, 0)

@@ -63,15 +63,6 @@ class Question(Table):
             InputError: the scenario does not suit, or a key or a value is not allowed.
         """
 
-    @staticmethod
-    @abstractmethod
-    def open(folder: Path) -> Study:
-        """What its folder holds.
-
-        Raises:
-            InputError: a file of it is missing or cannot be read.
-        """
-
     def command(self, scenario: Path) -> list[str]:
         """The command that asks it of a scenario file: its words after the name of the program."""
         words = [self.kind, str(scenario)]
@@ -113,8 +104,8 @@ class Question(Table):
 class Plan(Protocol):
     """What there is to run for a question."""
 
-    def take(self, ledger: Ledger) -> None:
-        """Let what is done already count."""
+    def take(self, ledger: Ledger, *, recorded: bool = False) -> None:
+        """Let what is done already count; recorded: whatever version has run it, to open a study."""
         ...
 
     @property

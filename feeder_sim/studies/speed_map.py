@@ -28,7 +28,6 @@ from pydantic import Field
 from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError, NotAllowed
-from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Bench
 from feeder_sim.jobs.task import RepeatedWarning, SeedValues, Task
@@ -39,9 +38,9 @@ from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.run.batch import check_drifting
 from feeder_sim.run.prepare import ignored_uncertainty, prepare
 from feeder_sim.run.provenance import identity_of
-from feeder_sim.scenario import Scenario, Start, Strip, load_scenario, resolve_material, with_run
+from feeder_sim.scenario import Scenario, Start, Strip, resolve_material, with_run
 from feeder_sim.studies.question import Plan, Question
-from feeder_sim.studies.study import Record, Study, TableFile, csv_bytes, number_in
+from feeder_sim.studies.study import Record, Study, csv_bytes
 from feeder_sim.studies.sweep.cases import Case, Effort
 from feeder_sim.studies.sweep.design import read_axis
 
@@ -124,10 +123,6 @@ class MapQuestion(Question):
     def marks(self) -> list[tuple[float, float, float]]:
         return [mark_of(text) for text in self.mark]
 
-    @staticmethod
-    def open(folder: Path) -> SpeedMap:
-        return SpeedMap.read(folder)
-
     def plan(self, scenario: Scenario, file: Path) -> MapPlan:
         points, _ = self.points, self.marks
         check_mapped(scenario)
@@ -187,8 +182,13 @@ class MapPlan(Plan):
         self._settle_all()
         return len(self._map_points) == len(self._points)
 
-    def take(self, ledger: Ledger) -> None:
+    def take(self, ledger: Ledger, *, recorded: bool = False) -> None:
         self._ledger = ledger  # which is looked at point by point: to make the scenarios of a thousand takes long
+        if recorded:
+            settled = [note["settled"] for note in ledger.notes if "settled" in note]
+            for point in self._points:
+                if _label(point) in settled:
+                    self._map_points[point] = _point(point, list(ledger.recorded_at(_label(point)).values()))
 
     def _settle_all(self) -> None:
         for point in self._points if len(self._ledger) else ():
@@ -227,6 +227,7 @@ class MapPlan(Plan):
             seeds = attempt.case.seeds(attempt.effort)
             if not (attempt.probing and _moves(self._scenario, attempt.point, attempt.case.scenario, seeds)):
                 self._map_points[attempt.point] = _point(attempt.point, seeds)
+                ledger.note({"settled": _label(attempt.point)})
                 return None
             attempt = _attempt(attempt.point, self._full_scenario(attempt.point), self._question.seeds, ledger)
         return attempt
@@ -246,7 +247,13 @@ def _attempt(
     point: tuple[float, float], scenario: Scenario, seeds: int, ledger: Ledger, *, probing: bool = False
 ) -> Attempt:
     identity = identity_of(scenario)
-    return Attempt(point, Case(scenario, identity, done=ledger.seeds_of(identity)), Effort(seeds), probing)
+    case = Case(scenario, identity, _label(point), done=ledger.seeds_of(identity))
+    return Attempt(point, case, Effort(seeds), probing)
+
+
+def _label(point: tuple[float, float]) -> dict[str, float]:
+    """A point of the map as the journal names it."""
+    return {"frequency_hz": point[0], "amplitude_um": point[1]}
 
 
 class MapWork:
@@ -271,7 +278,7 @@ class MapWork:
     def take(self, place: Attempt, done: tuple[SeedValues, ...]) -> None:
         place.case.take(done)
         for seed in done:
-            self._ledger.add(place.case.identity, seed)
+            self._ledger.add(place.case.identity, _label(place.point), seed)
         goes_on = self._plan.settle(place, self._ledger)
         if goes_on is None:
             del self._in_progress[place.point]
@@ -334,21 +341,6 @@ class SpeedMap(Study):
 
     def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
         return {DATA: csv_bytes([field.name for field in fields(MapPoint)], self.table())}
-
-    @staticmethod
-    def read(folder: Path) -> SpeedMap:
-        """From its folder.
-
-        Raises:
-            InputError: a file of it is missing or cannot be read.
-        """
-        question, scenario = MapQuestion.read(folder), load_scenario(folder / SCENARIO)
-        table, names = TableFile(folder / DATA), tuple(field.name for field in fields(MapPoint))
-        if table.head != names:
-            raise table.refused(", ".join(names))
-        rows = table.rows(lambda line: [number_in(line[name]) for name in names])
-        points = tuple(MapPoint(f, a, throw, mean, se, *map(int, counts)) for f, a, throw, mean, se, *counts in rows)
-        return SpeedMap(question, scenario, points, len(points) == len(question.points))
 
     def figures(self, measure: str) -> list[Figure]:
         from feeder_sim.plots.speed_map import map_figure

@@ -10,10 +10,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from feeder_sim.comma_separated import check_commas
 from feeder_sim.document.document import Text
 from feeder_sim.document.figure import Figure, save_figures
-from feeder_sim.errors import InputError, cause_of, quoted
+from feeder_sim.errors import InputError, cause_of
 from feeder_sim.jobs.task import RepeatedWarning
 from feeder_sim.notebook import library, table
 
@@ -137,68 +136,6 @@ def csv_bytes(columns: Sequence[str], rows: Iterable[Record]) -> bytes:
 
 def _is_none(value: Any) -> bool:
     return value is None or (isinstance(value, float) and not math.isfinite(value))
-
-
-class TableFile:
-    """A table of a folder that is read.
-
-    Attributes:
-        head: names of the columns.
-
-    Raises:
-        InputError: it is missing or cannot be read.
-    """
-
-    def __init__(self, file: Path) -> None:
-        if file.is_symlink():
-            raise InputError("is a link, must be a file of the folder itself", file=file)
-        if not file.is_file():
-            raise InputError("is missing: nothing has come so far, the same command goes on", file=file)
-        text = text_of(file)
-        check_commas(text, file)  # a spreadsheet may have written it anew
-        self._file, self._reader = file, csv.DictReader(text.splitlines())
-        try:
-            self.head = tuple(self._reader.fieldnames or ())
-        except csv.Error as error:
-            raise InputError(f"is no table: {error}", file=file) from error
-
-    def refused(self, allowed: str) -> InputError:
-        """The error that says which columns it may have."""
-        return InputError(f"has the columns {quoted(', '.join(self.head))}, must be {allowed}", file=self._file)
-
-    def rows(self, row_of: Callable[[Line], Row]) -> tuple[Row, ...]:
-        """All rows, each made of a line; a ValueError or a TypeError says that the line is none.
-
-        Raises:
-            InputError: a line is not as it has to be.
-        """
-        rows = []
-        try:
-            for number, line in enumerate(self._reader, 2):
-                try:
-                    rows.append(row_of(line))
-                except (ValueError, TypeError, OverflowError):
-                    problem = f"line {number} is {quoted(list(line.values()))}, must be numbers"
-                    raise InputError(problem, file=self._file) from None
-        except csv.Error as error:
-            raise InputError(f"is no table: {error}", file=self._file) from error
-        return tuple(rows)
-
-
-def number_in(text: str | None) -> float:
-    """A number; NaN for an empty field, and for what is not finite. Where the line ends before, it is none."""
-    if text is None:
-        raise ValueError("no field")
-    value = float(text) if text else math.nan
-    return value if math.isfinite(value) else math.nan
-
-
-def value_in(text: str | None) -> float | str:
-    """The value of a key: a number where it is one."""
-    try:
-        return float(text or "")
-    except ValueError:
-        return text or ""
 
 
 def text_of(file: Path) -> str:

@@ -305,7 +305,7 @@ def test_tasks_of_a_job_array_are_merged(tmp_path: Path) -> None:
     """A task that is missing is no interruption: what was asked of `merge` is done, and not whole."""
     asked = (*ASKED, "--vary", f"{AMPLITUDE}=1,2", "--out", tmp_path / "s")
     assert feeder_sim(*asked, "--task", "2/2").returncode == 0
-    check_refused(feeder_sim("report", tmp_path / "s"), "sweep.csv: is missing", f"feeder-sim merge {tmp_path / 's'}")
+    assert feeder_sim("report", tmp_path / "s").returncode == 0  # of what is there
     half = feeder_sim("merge", tmp_path / "s")
     assert half.returncode == 1 and "the tasks that are missing can be run again" in half.stderr
     assert feeder_sim(*asked, "--task", "1/2").returncode == 0

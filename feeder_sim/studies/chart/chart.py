@@ -7,14 +7,12 @@ are run in turn, so that their wall times are taken under the same load.
 The folder holds chart.toml, scenario.toml and journals as that of a sweep, and
 
     chart.csv    a row per setting, see `Row`
-    chart.json   which setting to take, the reference, what is left out, warnings
     chart.png    error over cost
 """
 
 from __future__ import annotations
 
 import itertools
-import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -26,22 +24,21 @@ from pydantic import Field
 from feeder_sim.document.document import Table, Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.jobs.task import RepeatedWarning
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
 from feeder_sim.run.provenance import identity_of
-from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scenario import Scenario
 from feeder_sim.studies.chart.settings import METHODS, MUJOCO, Setting, is_default, reference_of, settings_of
 from feeder_sim.studies.question import Question
-from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, text_of
+from feeder_sim.studies.study import Record, Study, csv_bytes
 from feeder_sim.studies.sweep.cases import Case, Cases, CasesPlan, Effort, check_measure
 from feeder_sim.studies.sweep.table import main_measure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-CSV, STATE, PICTURE = "chart.csv", "chart.json", "chart.png"
+CSV, PICTURE = "chart.csv", "chart.png"
 ALIKE = 1.25  # ratio of costs that count as equal: those of one setting scatter by as much
 SURE = 2.0  # standard errors
 MOST_HAVE = 0.5  # of the seeds have a value, at least: a mean of those that arrive is one of the fast ones
@@ -74,10 +71,6 @@ class ChartQuestion(Question):
         """More seeds, other methods or another measure are no other question."""
         return ""
 
-    @staticmethod
-    def open(folder: Path) -> Chart:
-        return Chart.read(folder)
-
     def plan(self, scenario: Scenario, file: Path) -> CasesPlan:
         settings, left_out = settings_of(scenario, self.method, file)
         varied = [scenario.changed({"uncertain": None, **setting.changes}, file=file) for setting in settings]
@@ -87,7 +80,8 @@ class ChartQuestion(Question):
         cases = Cases(
             points,
             tuple(
-                (Case(other, identity_of(other), times=OFTEN if i in surer else 1),) for i, other in enumerate(varied)
+                (Case(other, identity_of(other), points[i], times=OFTEN if i in surer else 1),)
+                for i, other in enumerate(varied)
             ),
             Effort(self.seeds or scenario.run.seeds, measure=self.measure or ""),
             in_turn=True,
@@ -139,7 +133,6 @@ class Row:
 
 
 COLUMNS = tuple(entry.name for entry in fields(Row))
-NUMBERS = ("mean", "se", "n", "seeds", "failed", "error", "error_se", "wall_s", "cost")
 
 
 @dataclass(frozen=True, repr=False)
@@ -193,13 +186,11 @@ class Chart(Study):
         return counted(len(self.rows), "setting")
 
     def as_json(self, measure: str | None = None) -> dict[str, Any]:
-        return {"measure": self.measure(measure), "rows": self.table()} | self._state()
-
-    def _state(self) -> dict[str, Any]:
         best = self.recommended
         return {
+            "measure": self.measure(measure),
+            "rows": self.table(),
             "complete": self.complete,
-            "measure": self.name,
             "recommended": best.setting if best else None,
             "reference_holds": self.holds,
             "left_out": list(self.left_out),
@@ -231,26 +222,7 @@ class Chart(Study):
     def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
         if not self.rows:
             return {}
-        return {CSV: csv_bytes(COLUMNS, self.table()), STATE: json.dumps(self._state(), indent=1).encode()}
-
-    @staticmethod
-    def read(folder: Path) -> Chart:
-        """From its folder.
-
-        Raises:
-            InputError: a file of it is missing or cannot be read.
-        """
-        question, scenario = ChartQuestion.read(folder), load_scenario(folder / SCENARIO)
-        table = TableFile(folder / CSV)
-        if table.head != COLUMNS:
-            raise table.refused(", ".join(COLUMNS))
-        try:
-            state = json.loads(text_of(folder / STATE))
-            warnings = tuple(RepeatedWarning.of_dict(entry) for entry in state["warnings"])
-            stored = str(state["measure"]), table.rows(_row), bool(state["complete"])
-            return Chart(question, scenario, *stored, state["reference_holds"], tuple(state["left_out"]), (), warnings)
-        except (ValueError, KeyError, TypeError, RecursionError) as error:
-            raise InputError(f"holds no state of a chart: {error}", file=folder / STATE) from error
+        return {CSV: csv_bytes(COLUMNS, self.table())}
 
     def figures(self, measure: str) -> list[Figure]:
         from feeder_sim.plots.error_over_cost import chart_figure, right_value
@@ -345,11 +317,3 @@ def _verdict(error: float, error_se: float, good: float) -> str:
 def _se(statistic: Statistic) -> float:
     """Its standard error; 0 of a single value."""
     return statistic.se if math.isfinite(statistic.se) else 0.0
-
-
-def _row(line: Line) -> Row:
-    mean, se, n, seeds, failed, *remaining = (number_in(line[name]) for name in NUMBERS)
-    error, error_se, wall_s, cost = remaining
-    of_measure = mean, se, int(n), int(seeds), int(failed), error, error_se, wall_s, cost
-    flags = line["default"] == "True", line["reference"] == "True"
-    return Row(line["method"] or "", line["setting"] or "", *of_measure, line["verdict"] or "", *flags)

@@ -29,7 +29,6 @@ from pydantic import Field
 from feeder_sim.document.document import Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Bench
 from feeder_sim.jobs.task import RepeatedWarning, most_frequent, warnings_over
@@ -37,15 +36,15 @@ from feeder_sim.measures.protocol import labelled
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
 from feeder_sim.run.provenance import content_hash
-from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.changes import labels, value_at
 from feeder_sim.studies.question import Plan, Question
 from feeder_sim.studies.search.proposals import LOG, RANDOM_TRIALS, Sampler
 from feeder_sim.studies.search.screening import first_recipes
-from feeder_sim.studies.search.search import Budget, Checked, SearchRun
+from feeder_sim.studies.search.search import Budget, Checked, History, SearchRun, read_history
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import MOST_SEEDS, Aim, Trial
-from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, value_in
+from feeder_sim.studies.study import Record, Study, csv_bytes
 from feeder_sim.studies.sweep.cases import check_measure
 from feeder_sim.studies.sweep.design import Point
 
@@ -111,10 +110,6 @@ class OptimiseQuestion(Question):
         words |= {"sampler": self.sampler, "screen": screened[0], "recipes": screened[1]}
         return f"Question({', '.join(f'{name}={value!r}' for name, value in words.items())})"
 
-    @staticmethod
-    def open(folder: Path) -> Search:
-        return Search.read(folder)
-
     def plan(self, scenario: Scenario, file: Path) -> SearchPlan:
         space, aim = Space.of(scenario, self.over, file), self.aim(scenario)
         return SearchPlan(self, space, aim)
@@ -123,15 +118,21 @@ class OptimiseQuestion(Question):
 class SearchPlan(Plan):
     """What there is to run for a search, which is known trial by trial."""
 
-    all_done, identities = False, None
+    identities = None
 
     def __init__(self, question: OptimiseQuestion, space: Space, aim: Aim) -> None:
         self._question, self._space, self._aim = question, space, aim
-        self._search_run: SearchRun | None = None
+        self._history = History()
 
-    def take(self, ledger: Ledger) -> None:
+    @property
+    def all_done(self) -> bool:
+        return self._history.present is not None
+
+    def take(self, ledger: Ledger, *, recorded: bool = False) -> None:
         for seed in ledger:
             check_measure(self._aim.measure, seed.values, self._aim.argument)
+        if recorded:
+            self._history = read_history(ledger, self._space, self._aim, self._question.check_seeds)
 
     def part(self, number: int, of: int) -> SearchPlan:
         raise InputError("is given, must be none: a search learns from all its trials", argument="task")
@@ -143,15 +144,15 @@ class SearchPlan(Plan):
             starts = first_recipes(self._space, self._aim, question.screen, question.recipes, bench.progress)
             bench.say(f"{len(starts)} recipes of {question.recipes} begin the search")
         budget = Budget(question.trials, question.budget_s or math.inf, question.check_seeds)
-        self._search_run = SearchRun(self._space, self._aim, budget, question.sampler, bench)
-        return self._search_run.run(starts)
+        run = SearchRun(self._space, self._aim, budget, question.sampler, bench)
+        self._history = run.history
+        return run.run(starts)
 
     def study(self, complete: bool, foreign_seeds: int) -> Search:
-        run = self._search_run
-        assert run is not None
-        trials = [TrialRow.of(trial, self._aim) for trial in run.trials]
-        warnings = tuple(warnings_over(trial.case.done.values() for trial in run.trials if trial.case))
-        return Search(self._question, self._space, self._aim, trials, run.present, run.best, complete, warnings)
+        trials, present, best = self._history.trials, self._history.present, self._history.best
+        rows = [TrialRow.of(trial, self._aim) for trial in trials]
+        warnings = tuple(warnings_over(trial.case.done.values() for trial in trials if trial.case))
+        return Search(self._question, self._space, self._aim, rows, present, best, complete, warnings)
 
 
 @dataclass(frozen=True)
@@ -279,7 +280,7 @@ class Search(Study):
     @property
     def best_is_present(self) -> bool:
         """Whether the best recipe is that of the file."""
-        return self.best is not None and _as_read(self.best.point or {}) == _as_read(self.present_point)
+        return self.best is not None and self.best.point == self.present_point
 
     @property
     def first(self) -> TrialRow | None:
@@ -292,8 +293,7 @@ class Search(Study):
         """The trial of the best recipe; before the check the one with the best mean."""
         if self.best is None:
             return self.first
-        target = _as_read(self.best.point or {})
-        return next((trial for trial in self._complete_trials if _as_read(trial.point) == target), None)
+        return next((trial for trial in self._complete_trials if trial.point == self.best.point), None)
 
     @property
     def _complete_trials(self) -> list[TrialRow]:
@@ -405,24 +405,6 @@ class Search(Study):
         tables = {TRIALS: csv_bytes(["trial", *self.keys, *COLUMNS], trials), CHECK: csv_bytes(CHECKED, checks)}
         return tables | ({BEST: carried(self.best_scenario).encode()} if self.best and self.best.point else {})
 
-    @staticmethod
-    def read(folder: Path) -> Search:
-        """From its folder.
-
-        Raises:
-            InputError: a file of it is missing or cannot be read, or its tables are not those of the question.
-        """
-        question, scenario = OptimiseQuestion.read(folder), load_scenario(folder / SCENARIO)
-        space = Space.of(scenario, question.over)
-        keys = tuple(parameter.key for parameter in space.parameters)
-        table = TableFile(folder / TRIALS)
-        if table.head != ("trial", *keys, *COLUMNS):
-            named = ", ".join(keys)
-            raise table.refused(f"trial, a column per key that was searched ({named}), then {', '.join(COLUMNS)}")
-        trials = table.rows(lambda line: _trial(line, keys))
-        checked = _check(folder, keys) if (folder / CHECK).is_file() else (None, None)
-        return Search(question, space, question.aim(scenario), trials, *checked, complete=checked[0] is not None)
-
     def figures(self, measure: str) -> list[Figure]:
         from feeder_sim.plots.search import search_figures
 
@@ -454,34 +436,7 @@ class Search(Study):
         return rows or self.table()
 
 
-def _trial(line: Line, keys: tuple[str, ...]) -> TrialRow:
-    mean, se, seeds, stopped = (number_in(line[name]) for name in COLUMNS[:4])
-    n = 0 if math.isnan(mean) else int(seeds)
-    statistic = Statistic(mean, se * math.sqrt(n), se, n)
-    point = {key: value_in(line[key]) for key in keys}
-    return TrialRow(int(line["trial"] or ""), point, statistic, int(seeds), bool(int(stopped)), line["refused"] or "")
-
-
-def _check(folder: Path, keys: tuple[str, ...]) -> tuple[Checked | None, Checked | None]:
-    """The recipe of the file and the best one with fresh seeds; None where the search has not come so far."""
-    table = TableFile(folder / CHECK)
-    if table.head != CHECKED:
-        raise table.refused(", ".join(CHECKED))
-    pairs = table.rows(lambda line: (number_in(line["present"]), number_in(line["best"])))
-    if not pairs:
-        return None, None
-    baseline, best = (tuple(values) for values in zip(*pairs, strict=True))
-    if all(math.isnan(value) for value in best):
-        return Checked(None, baseline), None
-    return Checked(None, baseline), Checked(_point_of(load_scenario(folder / BEST), keys), best)
-
-
 def _point_of(scenario: Scenario, keys: tuple[str, ...] | list[str]) -> Point:
     """The values of keys in a scenario."""
     raw = scenario.model_dump()
     return {key: value_at(raw, key) for key in keys}
-
-
-def _as_read(point: Point) -> Point:
-    """A point as a table gives it back."""
-    return {key: value_in(str(value)) for key, value in labels(point).items()}

@@ -14,10 +14,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from feeder_sim.errors import InputError
+from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Bench
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.provenance import identity_of
@@ -32,6 +33,7 @@ GENERATION = 8  # trials that are proposed together
 FINALISTS = 4
 FRESH = 1_000_003  # added to the root of the random numbers for seeds that no trial has had
 SEED_LIMIT = 2**63  # of the root; what would be beyond begins again at 0
+CHECKS = ("present", "best")  # in notes of the journal
 TRIALS_SHARE = 0.95  # of the progress; the rest is the check
 
 
@@ -76,6 +78,20 @@ class Checked:
         return self.found.as_dict() | {"seeds": len(self.values), "warnings": list(self.warnings)}
 
 
+@dataclass
+class History:
+    """What a search has come to so far.
+
+    Attributes:
+        trials: all that were judged, in order.
+        present, best: the scenario as it is, and the best recipe, both with fresh seeds; None before that.
+    """
+
+    trials: list[Trial] = field(default_factory=list)
+    present: Checked | None = None
+    best: Checked | None = None
+
+
 class SearchRun:
     """A search on its way.
 
@@ -87,16 +103,13 @@ class SearchRun:
         bench: runs the seeds; Optuna's own journal is in its folder, or in memory.
 
     Attributes:
-        trials: all that were judged, in order.
-        present, best: the scenario as it is, and the best recipe, both with fresh seeds; None before that.
+        history: what it has come to.
     """
 
     def __init__(self, space: Space, aim: Aim, budget: Budget, sampler: Sampler, bench: Bench) -> None:
         self._space, self._aim, self._budget, self._sampler, self._bench = space, aim, budget, sampler, bench
         self._began = time.monotonic()
-        self.trials: list[Trial] = []
-        self.present: Checked | None = None
-        self.best: Checked | None = None
+        self.history = History()
 
     def run(self, starts: Sequence[Point] = ()) -> bool:
         """Search; starts: recipes to begin with, besides the scenario itself. Returns whether it came to its end.
@@ -106,15 +119,18 @@ class SearchRun:
         """
         folder, stop = self._bench.folder, self._bench.stop
         proposals = Proposals(folder / LOG if folder else None, self._space, self._aim, self._sampler, starts)
-        while len(self.trials) < self._budget.trials and self._spent() < 1.0 and not stop.is_set():
-            size = GENERATION if self.trials or self._space.present is None else 1
-            size = min(size, self._budget.trials - len(self.trials))
+        trials_done = self.history.trials
+        while len(trials_done) < self._budget.trials and self._spent() < 1.0 and not stop.is_set():
+            size = GENERATION if trials_done or self._space.present is None else 1
+            size = min(size, self._budget.trials - len(trials_done))
             trials = [self._trial(number, point) for number, point in proposals.next(size)]
-            if not self.trials and not any(trial.case and trial.case.done for trial in trials):
+            if not trials_done and not any(trial.case and trial.case.done for trial in trials):
                 self._bench.say_foreign(len(self._bench.ledger))
-            if not self._run(trials, self._aim, _best(self.trials, self._aim)):
+            if not self._run(trials, self._aim, _best(trials_done, self._aim)):
                 return False
-            self.trials += trials
+            trials_done += trials
+            for trial in trials:
+                self._note({"trial": trial.number, "point": trial.point}, trial)
             proposals.tell(trials)
         complete = not stop.is_set() and self._check()
         if self._bench.progress and complete:
@@ -124,20 +140,20 @@ class SearchRun:
     def _spent(self) -> float:
         """Share of the budget."""
         seconds = (time.monotonic() - self._began) / self._budget.seconds
-        return min(max(seconds, len(self.trials) / self._budget.trials), 1.0)
+        return min(max(seconds, len(self.history.trials) / self._budget.trials), 1.0)
 
     def _show(self, _: float) -> None:
         if self._bench.progress:
             self._bench.progress(TRIALS_SHARE * self._spent())
 
-    def _case_of(self, scenario: Scenario) -> Case:
+    def _case_of(self, scenario: Scenario, point: Point) -> Case:
         """A scenario with the seeds of it that are done."""
         identity = identity_of(scenario)
-        return Case(scenario, identity, done=self._bench.ledger.seeds_of(identity))
+        return Case(scenario, identity, point, done=self._bench.ledger.seeds_of(identity))
 
     def _trial(self, number: int, point: Point) -> Trial:
         try:
-            return Trial(number, point, self._case_of(self._space.changed(point)))
+            return Trial(number, point, self._case_of(self._space.changed(point), point))
         except InputError as error:  # values that are not allowed together
             return Trial(number, point, None, stopped=True, refused=str(error))
 
@@ -148,7 +164,7 @@ class SearchRun:
     def _check(self) -> bool:
         """Run the finalists longer, then the best of them and the present recipe with fresh seeds; whether all was."""
         space, aim = self._space, self._aim
-        complete = (trial for trial in self.trials if trial.is_whole(aim))
+        complete = (trial for trial in self.history.trials if trial.is_whole(aim))
         finalists = sorted(complete, key=lambda trial: trial.mean(aim), reverse=aim.largest)[:FINALISTS]
         longer = replace(aim, seeds=2 * aim.seeds)
         extended = [_FullTrial(trial.number, trial.point, trial.case) for trial in finalists]
@@ -159,12 +175,35 @@ class SearchRun:
         scenarios = [space.scenario] + ([space.changed(best.point)] if best else [])
         root = (space.scenario.run.seed + FRESH) % SEED_LIMIT
         anew = [scenario.changed({"run.seed": root}, file=space.file) for scenario in scenarios]
-        checks = [_FullTrial(-1, {}, self._case_of(scenario)) for scenario in anew]
+        checks = [_FullTrial(-1, {}, self._case_of(scenario, {})) for scenario in anew]
         if not self._run(checks, fresh, None):
             return False
-        self.present = _checked(None, checks[0], fresh)
-        self.best = _checked(best.point, checks[1], fresh) if best else None
+        for name, point, check in zip(CHECKS, (None, best.point if best else None), checks, strict=False):
+            self._note({"check": name, "point": point}, check)
+        self.history.present = _checked(None, checks[0], fresh)
+        self.history.best = _checked(best.point, checks[1], fresh) if best else None
         return True
+
+    def _note(self, entry: dict[str, Any], trial: Trial) -> None:
+        """Keep in the journal what a trial, or a check, was."""
+        case = self._bench.ledger.case_of(trial.case.identity) if trial.case else ""
+        self._bench.ledger.note(entry | {"case": case, "stopped": trial.stopped, "refused": trial.refused})
+
+
+def read_history(ledger: Ledger, space: Space, aim: Aim, check_seeds: int) -> History:
+    """What a journal holds of a search, whatever version has run it."""
+    trials: dict[int, Trial] = {}
+    checks: dict[str, Checked] = {}
+    for note in ledger.notes:
+        point = note["point"]
+        case = Case(space.scenario, note["case"], point or {}, done=dict(ledger.recorded(note["case"])))
+        if "trial" in note:
+            refused = note["refused"]
+            trials[note["trial"]] = Trial(note["trial"], point, None if refused else case, note["stopped"], refused)
+        else:
+            fresh = replace(aim, seeds=check_seeds)
+            checks[note["check"]] = _checked(point, _FullTrial(-1, {}, case), fresh)
+    return History([trials[number] for number in sorted(trials)], *(checks.get(name) for name in CHECKS))
 
 
 def _checked(point: Point | None, trial: Trial, aim: Aim) -> Checked:

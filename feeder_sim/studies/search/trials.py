@@ -12,6 +12,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues, Task
 from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.changes import labels
 from feeder_sim.studies.sweep.cases import Case, Effort, check_measure
 from feeder_sim.studies.sweep.design import Point
 
@@ -130,7 +131,7 @@ class TrialWork:
     """The seeds that trials still need; all are held against the one that was best before them."""
 
     def __init__(
-        self, trials: list[Trial], aim: Aim, best: Trial | None, record: Callable[[str, SeedValues], None]
+        self, trials: list[Trial], aim: Aim, best: Trial | None, record: Callable[[str, Point, SeedValues], None]
     ) -> None:
         self._trials, self._aim, self._best, self._record = trials, aim, best, record
 
@@ -148,7 +149,7 @@ class TrialWork:
         place.case.take(done)
         for seed in done:
             check_measure(self._aim.measure, seed.values, self._aim.argument)
-            self._record(place.case.identity, seed)
+            self._record(place.case.identity, labels(place.point), seed)
 
     @property
     def share_done(self) -> float:

@@ -59,6 +59,7 @@ class Case:
     Attributes:
         scenario: what is run.
         identity: see `feeder_sim.run.provenance`.
+        point: of the study, with the draw of uncertain inputs.
         first, stride: its seeds are `first`, `first + stride`, and so on: draws of uncertain inputs have seeds of their
             own, so that their scatter is independent.
         done: what has come back, by seed.
@@ -68,6 +69,7 @@ class Case:
 
     scenario: Scenario
     identity: str
+    point: Point = field(default_factory=dict)
     first: int = 0
     stride: int = 1
     done: dict[int, SeedValues] = field(default_factory=dict)
@@ -195,8 +197,9 @@ class Cases:
         for point in points:
             changes = with_frequencies(scenario, point, file=file)
             changed = [scenario.changed({"uncertain": None, **draw, **changes}, file=file) for draw in draws]
+            places = [{**draw, **point} for draw in draws]
             rows.append(
-                tuple(Case(varied, identity_of(varied), number, len(draws)) for number, varied in enumerate(changed))
+                tuple(Case(varied, identity_of(varied), places[n], n, len(draws)) for n, varied in enumerate(changed))
             )
         return Cases(tuple(points), tuple(rows), effort)
 
@@ -215,14 +218,15 @@ class Cases:
     def __iter__(self) -> Iterator[Case]:
         return (case for row in self.cases for case in row)
 
-    def take(self, ledger: Ledger) -> None:
-        """Let what is done count.
+    def take(self, ledger: Ledger, *, recorded: bool = False) -> None:
+        """Let what is done count; recorded: whatever version has run it.
 
         Raises:
             InputError: it has no such measure as the effort looks at.
         """
         for case in self:
-            case.take(tuple(ledger.seeds_of(case.identity).values()))
+            seeds = ledger.recorded_at(labels(case.point)) if recorded else ledger.seeds_of(case.identity)
+            case.take(tuple(seeds.values()))
             case.keep_done()
             for seed in case.done.values():
                 check_measure(self.effort.measure, seed.values)
@@ -281,7 +285,7 @@ class Cases:
 class SweepWork:
     """The seeds of all cases that are still to be run, handed out in order, or in turn."""
 
-    def __init__(self, cases: Cases, record: Callable[[str, SeedValues], None]) -> None:
+    def __init__(self, cases: Cases, record: Callable[[str, Point, SeedValues], None]) -> None:
         self._effort, self._record, self._in_turn = cases.effort, record, cases.in_turn
         self._open = deque(cases)  # those that may have something to hand out
         self._requested = sum(case.wanted(self._effort) for case in cases)
@@ -306,7 +310,7 @@ class SweepWork:
             self._open.appendleft(place)
         for seed in done:
             check_measure(self._effort.measure, seed.values)
-            self._record(place.identity, seed)
+            self._record(place.identity, labels(place.point), seed)
 
     @property
     def share_done(self) -> float:
@@ -338,8 +342,8 @@ class CasesPlan:
     def identities(self) -> set[str]:
         return {case.identity for case in self.cases}
 
-    def take(self, ledger: Ledger) -> None:
-        self.cases.take(ledger)
+    def take(self, ledger: Ledger, *, recorded: bool = False) -> None:
+        self.cases.take(ledger, recorded=recorded)
 
     def part(self, number: int, of: int) -> CasesPlan:
         return replace(self, cases=self.cases.part(number, of))

@@ -7,7 +7,6 @@ The folder holds
     journal.jsonl       measures of every seed that is done; of job arrays one per task, journal-I-of-N.jsonl
     sweep.csv           the table, see `feeder_sim.studies.sweep.table`
     sweep.parquet       the same
-    sweep.json          whether that is all of it, and warnings
     sweep.png           a picture of one measure
 """
 
@@ -16,7 +15,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,13 +26,12 @@ from feeder_sim.document.document import Table, Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, NotAllowed, quoted
-from feeder_sim.jobs.folder import JOURNAL, SCENARIO
 from feeder_sim.jobs.task import RepeatedWarning
-from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic
+from feeder_sim.measures.statistic import LARGEST_OF_MANY
 from feeder_sim.notebook import cell, counted
-from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scenario import Scenario
 from feeder_sim.studies.question import Question
-from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, text_of, value_in
+from feeder_sim.studies.study import Record, Study, csv_bytes
 from feeder_sim.studies.sweep.cases import FEWEST, FIRST_CHECK, MOST_SEEDS, Cases, CasesPlan, Effort, check_measure
 from feeder_sim.studies.sweep.design import Axis, Point, grid, read_axis, side_by_side, sobol_sample
 from feeder_sim.studies.sweep.table import (
@@ -45,13 +43,13 @@ from feeder_sim.studies.sweep.table import (
     main_measure,
     means_of_some,
 )
-from feeder_sim.studies.uncertainty.spread import Spread, draws_of
+from feeder_sim.studies.uncertainty.spread import draws_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_LINES = 60  # of a table on the terminal
-CSV, PARQUET, PICTURE, STATE = "sweep.csv", "sweep.parquet", "sweep.png", "sweep.json"
+CSV, PARQUET, PICTURE = "sweep.csv", "sweep.parquet", "sweep.png"
 
 
 class SweepQuestion(Question):
@@ -114,10 +112,6 @@ class SweepQuestion(Question):
             raise InputError("is missing, must be the measure whose standard error is looked at", argument="measure")
         seeds = self.seeds or scenario.run.seeds
         return Effort(seeds, self.until_se, max(self.most_seeds, seeds), self.measure or "")
-
-    @staticmethod
-    def open(folder: Path) -> Sweep:
-        return Sweep.read(folder)
 
     def plan(self, scenario: Scenario, file: Path) -> CasesPlan:
         draws = draws_of(scenario, self.inputs)
@@ -225,7 +219,14 @@ class Sweep(Study):
         return counted(len(self.points), "point")
 
     def as_json(self, measure: str | None = None) -> dict[str, Any]:
-        return {"measure": self.measure(measure), "rows": self.table()} | self._state()
+        return {
+            "measure": self.measure(measure),
+            "rows": self.table(),
+            "complete": self.complete,
+            "missing_seeds": self.missing,
+            "points_short_of_se": self.short,
+            "warnings": [warning.as_dict() for warning in self.warnings],
+        }
 
     def lines(self, measure: str | None = None) -> list[str]:
         """One measure over the points."""
@@ -238,18 +239,18 @@ class Sweep(Study):
         return [*lines, f"and {more} more points, in the table of the folder"] if more > 0 else lines
 
     def remarks(self, measure: str | None = None) -> Iterator[Text]:
-        name, points, planned = self.measure(measure), len(self.points), len(self.question.points(self.scenario))
+        name, points = self.measure(measure), sum(bool(rows) for rows in self.by_point)
         missing, at = self.missing_at_points, f"of {len(self.points)} points"
         if failed := self.failed:
             text = f"{sum(failed)} seeds failed, at {len(failed)} {at}; they do not count in the means"
             yield Text(text, "failure")
         yield from super().remarks(measure)
-        if points < planned:
-            yield Text(f"{points} of {planned} points are there: the sweep has not ended", "note")
+        if points < len(self.points):
+            yield Text(f"{points} of {len(self.points)} points are there: the sweep has not ended", "note")
         if missing:
             text = f"{sum(missing)} seeds are missing, at {len(missing)} {at}: the sweep has not ended"
             yield Text(text, "note")
-        elif not self.complete and points == planned:
+        elif not self.complete and points == len(self.points):
             yield Text("more seeds are to be run: the sweep has not ended", "note")
         if some := means_of_some(self.of(name)):
             yield Text(f"{measure_label(name)}: {some}", "warning")
@@ -266,14 +267,6 @@ class Sweep(Study):
             yield Text(f"{note} than the intervals say", "note")
             yield Text(LARGEST_OF_MANY, "note")
 
-    def _state(self) -> dict[str, Any]:
-        return {
-            "complete": self.complete,
-            "missing_seeds": self.missing,
-            "points_short_of_se": self.short,
-            "warnings": [warning.as_dict() for warning in self.warnings],
-        }
-
     def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
         if not self.rows:
             return {}
@@ -281,36 +274,7 @@ class Sweep(Study):
         return {
             CSV: csv_bytes(columns, self.table()),
             PARQUET: as_parquet(columns, self.table()),
-            STATE: json.dumps(self._state(), indent=1).encode(),
         }
-
-    @staticmethod
-    def read(folder: Path) -> Sweep:
-        """From its folder.
-
-        Raises:
-            InputError: a file of it is missing or cannot be read, or its table has no point.
-        """
-        question, scenario = SweepQuestion.read(folder), load_scenario(folder / SCENARIO)
-        if not (folder / CSV).is_file() and any(folder.glob(f"{JOURNAL}-*.jsonl")):
-            problem = f"is missing: `feeder-sim merge {folder}` makes it of what the tasks of a job array have done"
-            raise InputError(problem, file=folder / CSV)
-        table = TableFile(folder / CSV)
-        head = table.head
-        keys = head[: head.index(COLUMNS[0])] if COLUMNS[0] in head else ()
-        uncertain = head[len(keys) :] == COLUMNS + UNCERTAIN_COLUMNS
-        if not keys or not (uncertain or head[len(keys) :] == COLUMNS):
-            raise table.refused(f"a column per varied key, then {', '.join(COLUMNS)}")
-        draws = question.inputs if uncertain else 0
-        rows = table.rows(lambda line: _row(line, keys, draws))
-        if not rows:
-            raise InputError("holds no point, must be a sweep with at least one that is done", file=folder / CSV)
-        by_point: dict[tuple[Any, ...], list[Row]] = {}
-        for row in rows:
-            by_point.setdefault(tuple(row.point.values()), []).append(row)
-        points = tuple(point_rows[0].point for point_rows in by_point.values())
-        sweep = Sweep(question, scenario, points, uncertain, tuple(by_point.values()), complete=True)
-        return _with_state(sweep, folder / STATE)
 
     def figures(self, measure: str) -> list[Figure]:
         from feeder_sim.plots.sweep import sweep_figure
@@ -345,31 +309,6 @@ class Sweep(Study):
 
     def _notebook_rows(self) -> list[Record]:
         return [row.as_dict() for row in self.at_every_point(self.measure())]
-
-
-def _with_state(sweep: Sweep, file: Path) -> Sweep:
-    """What is to be known beside the table, as far as there is a file of it."""
-    if not file.is_symlink() and not file.is_file():
-        return sweep
-    try:
-        state = json.loads(text_of(file))
-        warnings = tuple(RepeatedWarning.of_dict(entry) for entry in state["warnings"])
-        short, missing = int(state["points_short_of_se"]), int(state.get("missing_seeds", 0))
-        return replace(sweep, complete=bool(state["complete"]), short=short, missing=missing, warnings=warnings)
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(f"holds no state of a sweep: {error}", file=file) from error
-
-
-def _row(line: Line, keys: tuple[str, ...], draws: int) -> Row:
-    """A line of the table; 0 draws where no input is uncertain."""
-    mean, se, n, seeds, failed = (number_in(line[name]) for name in COLUMNS[1:])
-    spread = None
-    if draws:
-        low, high, of_inputs, of_seeds = (number_in(line[name]) for name in UNCERTAIN_COLUMNS)
-        spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, min(draws, int(n)), int(n))
-    statistic = Statistic(mean, se * math.sqrt(n), se, int(n))
-    point = {key: value_in(line[key]) for key in keys}
-    return Row(point, line["measure"] or "", statistic, int(seeds), int(failed), spread)
 
 
 def axis_texts(vary: Mapping[str, Any]) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,17 +27,15 @@ from feeder_sim.document.document import Table, Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, Unknown
-from feeder_sim.jobs.folder import JOURNAL, SCENARIO
-from feeder_sim.jobs.ledger import read_journal
 from feeder_sim.jobs.task import RepeatedWarning, SeedValues, warnings_over
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
-from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.changes import labels
 from feeder_sim.studies.question import Question
-from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, value_in
-from feeder_sim.studies.sweep.cases import Case, Cases, CasesPlan, Effort
+from feeder_sim.studies.study import Record, Study, csv_bytes
+from feeder_sim.studies.sweep.cases import Cases, CasesPlan, Effort
 from feeder_sim.studies.sweep.table import main_measure
 from feeder_sim.studies.uncertainty.indices import Index, saltelli_draws, sobol_indices
 from feeder_sim.studies.uncertainty.linear_shares import LinearShares, linear_shares
@@ -59,7 +57,6 @@ SHARES = (
     *("measure", "input", "linear", "linear_interval"),
     *("first_order", "first_order_interval", "total", "total_interval"),
 )
-NO_REASON = "why is not known"
 FEW_DRAWS = 20  # below it not even one draw lies beyond each end of 90 %
 FEW_FOR_INDICES = 64  # draws, each (inputs + 2) times
 WIDE = 0.3  # of the interval of an index, on each side, that tells nothing apart
@@ -88,10 +85,6 @@ class UncertaintyQuestion(Question):
         """The draws: more seeds or another measure are no other question."""
         return f"{self.inputs} {self.indices}"
 
-    @staticmethod
-    def open(folder: Path) -> Uncertainty:
-        return Uncertainty.read(folder)
-
     def plan(self, scenario: Scenario, file: Path) -> CasesPlan:
         if not scenario.uncertain:
             raise InputError("is missing, must be a table with the inputs that are uncertain", key="[uncertain]")
@@ -116,7 +109,7 @@ class Uncertainty(Study):
     Attributes:
         question: what was asked.
         scenario: with the uncertain inputs.
-        draws: values of the inputs, by key; of a folder that is read, nothing where no seed is done.
+        draws: values of the inputs, by key.
         cases: one per draw, at a single point.
         complete: whether all of it is done.
     """
@@ -300,35 +293,6 @@ class Uncertainty(Study):
             DRAWS: csv_bytes([*self.draws[0], "seed", *self.measures], rows),
         }
 
-    @staticmethod
-    def read(folder: Path) -> Uncertainty:
-        """From its folder.
-
-        Raises:
-            InputError: a file of it is missing or cannot be read, or no seed is done.
-        """
-        question, scenario = UncertaintyQuestion.read(folder), load_scenario(folder / SCENARIO)
-        keys = tuple(dict.fromkeys(k for key, inner in (scenario.uncertain or {}).items() for k in (key, *inner.also)))
-        table = TableFile(folder / DRAWS)
-        if not keys or table.head[: len(keys) + 1] != (*keys, "seed"):
-            named = ", ".join(keys) or "none"
-            raise table.refused(f"a column per uncertain input of the scenario ({named}), then seed")
-        measures = table.head[len(keys) + 1 :]
-        rows = table.rows(lambda line: _row(line, keys, measures))
-        if not rows:
-            raise InputError("holds no draw, must be a folder with at least one that is done", file=folder / DRAWS)
-        empty = any(not seed.values for _, seed in rows)
-        causes = _causes(folder.glob(f"{JOURNAL}*.jsonl")) if empty else {}
-        count = question.draws(scenario)
-        draws: list[Draw] = [{} for _ in range(count)]
-        draw_cases = tuple(Case(scenario, "", number, count) for number in range(count))
-        for draw, seed in rows:
-            failure = "" if seed.values else causes.get(seed.seed, NO_REASON)
-            draws[seed.seed % count] = draw
-            draw_cases[seed.seed % count].take((SeedValues(seed.seed, seed.values, 0.0, failure),))
-        cases = Cases(({},), (draw_cases,), Effort(question.seeds, measure=question.measure or ""))
-        return Uncertainty(question, scenario, tuple(draws), cases, cases.all_done)
-
     def figures(self, measure: str) -> list[Figure]:
         from feeder_sim.plots.uncertainty import uncertainty_figures
 
@@ -379,20 +343,6 @@ class Uncertainty(Study):
         suffix = "" if self.complete else ", not complete"
         inputs = counted(len(self.scenario.uncertain or {}), "uncertain input")
         return f"Uncertainty by {inputs}: {counted(len(self.draws), 'draw')}{suffix}"
-
-
-def _row(line: Line, keys: Sequence[str], measures: Sequence[str]) -> tuple[Draw, SeedValues]:
-    """A line of the table: the values of a draw, and a seed of it."""
-    values = {name: number_in(line[name]) for name in measures}
-    if all(math.isnan(value) for value in values.values()):
-        values = {}
-    return {key: value_in(line[key]) for key in keys}, SeedValues(int(line["seed"] or ""), values, 0.0)
-
-
-def _causes(journals: Iterable[Path]) -> dict[int, str]:
-    """Why seeds have failed, which the table does not say, "" for those that have not; what was written last counts."""
-    entries = (entry for journal in sorted(journals) for entry in read_journal(journal))
-    return {int(entry["seed"]): str(entry["failure"]) for entry in entries if "failure" in entry}
 
 
 def share_table(measure: str, linear: LinearShares | None, indices: Sequence[Index]) -> Table:
