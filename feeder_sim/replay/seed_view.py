@@ -39,7 +39,7 @@ class SeedView:
     def __post_init__(self) -> None:
         seeds, file = self.recording.seeds, self.recording.path
         if not 0 <= self.seed < len(seeds):
-            raise InputError(f"is {self.seed}, allowed is 0 to {len(seeds) - 1}", file=file, key="--show-seed")
+            raise InputError(f"is {self.seed}, must be 0 to {len(seeds) - 1}", file=file, key="--show-seed")
         if not len(seeds[self.seed]):
             raise InputError(f"seed {self.seed} has no frames yet", file=file)
 
