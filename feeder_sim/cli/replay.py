@@ -44,7 +44,7 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Open a recorded run in the rerun viewer, take a picture of it, make a film or a page that plays."""
-    from feeder_sim.replay.plate import SLOW, TIMELINE
+    from feeder_sim.replay.scenery import SLOW, TIMELINE
     from feeder_sim.replay.viewer import FORMATS, SIZE, open_viewer, replay_file, take_screenshot, time_shown
 
     outputs = [key for key, path in (("--screenshot", screenshot), ("--video", video), ("--html", html)) if path]

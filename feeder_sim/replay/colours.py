@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from feeder_sim.part.stable_poses import NONE
 from feeder_sim.records.recording import PartRecord
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.replay.parts import NUT
 from feeder_sim.scenario import PartSpec, Scenario
 
 Colour = Literal["kind", "pose"]  # what colours stand for
+NUT = (214, 140, 30)
 IN_NO_POSE = (150, 150, 150)
 # Okabe and Ito's colours, which people with any colour vision tell apart, without black and with their blue last: it is
 # near to that of the plate.
@@ -35,7 +35,7 @@ PALETTE = (
 
 
 @dataclass(frozen=True)
-class Entry:
+class LegendEntry:
     """An entry of the legend: its text and its colour."""
 
     name: str
@@ -51,7 +51,7 @@ class Colours:
         index: makes of frames and the indices of parts (m,) the entry of each part in each frame, shape (n, m).
     """
 
-    entries: tuple[Entry, ...]
+    entries: tuple[LegendEntry, ...]
     index: Callable[[Frames, Sequence[int]], NDArray[np.int64]]
 
 
@@ -71,7 +71,7 @@ def colours_of(scenario: Scenario, colour: Colour | None, parts: Sequence[PartRe
     kind_of_part = np.repeat(np.arange(len(scenario.part)), [part.count for part in scenario.part])
     names = kind_names(scenario.part)
     palette = PALETTE if len(names) > 1 else (NUT,)
-    entries = tuple(Entry(name, palette[i % len(palette)]) for i, name in enumerate(names))
+    entries = tuple(LegendEntry(name, palette[i % len(palette)]) for i, name in enumerate(names))
 
     def index(frames: Frames, members: Sequence[int]) -> NDArray[np.int64]:
         return np.tile(kind_of_part[np.asarray(members)], (len(frames), 1))
@@ -82,14 +82,14 @@ def colours_of(scenario: Scenario, colour: Colour | None, parts: Sequence[PartRe
 def _by_pose(parts: Sequence[PartRecord]) -> Colours:
     """An entry for every letter that names a stable pose, whatever the kind, and one for parts in no pose."""
     names = max((part.poses.names for part in parts), key=len, default=())
-    entries = [Entry(name, PALETTE[i % len(PALETTE)]) for i, name in enumerate(names)]
+    entries = [LegendEntry(name, PALETTE[i % len(PALETTE)]) for i, name in enumerate(names)]
 
     def index(frames: Frames, members: Sequence[int]) -> NDArray[np.int64]:
         rows = [parts[m].poses.number(frames.quaternion[:, m]) for m in members]
         number = np.stack(rows, axis=1) if rows else np.empty((len(frames), 0), np.int64)
         return np.where(number == NONE, len(names), number)
 
-    return Colours((*entries, Entry("in no pose", IN_NO_POSE)), index)
+    return Colours((*entries, LegendEntry("in no pose", IN_NO_POSE)), index)
 
 
 def kind_names(parts: Sequence[PartSpec]) -> list[str]:

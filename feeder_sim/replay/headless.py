@@ -27,8 +27,8 @@ from feeder_sim.records.files import write_whole
 from feeder_sim.records.recording import Recording
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.layout import Style
-from feeder_sim.replay.plate import SLOW, TIMELINE
 from feeder_sim.replay.replay import REPLAY, replay_content
+from feeder_sim.replay.scenery import SLOW, TIMELINE
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -2,60 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.records.recording import PlateRecord
-from feeder_sim.replay.colours import Entry
-from feeder_sim.replay.plate import MM, TIMELINE
+from feeder_sim.replay.colours import LegendEntry
+from feeder_sim.replay.scenery import BELOW, MM, SLOW, TIMELINE, Box, Entry, Lines, Texts
+from feeder_sim.replay.seed_view import SeedView
 from feeder_sim.scene.timetable import TimedStage, Timetable
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 PAUSE = "pause"
 AT_REST = "plate at rest"
-FAR, NEAR = 0.15, 0.045  # of the size of a box: from its edges to the text behind it and to the bar before it
-BELOW = 0.055  # of the size: what the text below the bar takes
 LARGEST_BAR = 0.25  # of the length of a box
 DRIVES_PER_LINE = 2
 LEGEND_PER_LINE = 3
-
-
-@dataclass(frozen=True)
-class Box:
-    """What a view is to show [mm]: its lowest and its highest corner, each (3,)."""
-
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-
-    @property
-    def size(self) -> float:
-        """The side of a square as large as it is."""
-        return float(np.sqrt(np.prod((self.high - self.low)[:2])))
-
-    @property
-    def corners(self) -> NDArray[np.float64]:
-        """Its corners (8, 3)."""
-        return np.stack(np.meshgrid(*zip(self.low, self.high, strict=True)), axis=-1).reshape(-1, 3)
-
-    @property
-    def stage_place(self) -> NDArray[np.float64]:
-        """Where the text about the stage hangs: behind the box."""
-        top = (1.0 + FAR) * max(float(self.high[2]), 0.0)
-        return np.array([0.5 * (self.low[0] + self.high[0]), self.high[1] + FAR * self.size, top])
-
-    @property
-    def bar_place(self) -> NDArray[np.float64]:
-        """Left end of the scale bar: before the box."""
-        return np.array([self.low[0] + 0.03 * self.size, self.low[1] - NEAR * self.size, 0.0])
-
-    def framed(self, legend_lines: int = 1) -> NDArray[np.float64]:
-        """Points (n, 3) that a view has to show: the box and what is written around it."""
-        below = self.bar_place - [0.0, max(legend_lines, 1) * BELOW * self.size, 0.0]
-        return np.vstack([self.corners, self.stage_place, below])
 
 
 def plate_box(plate: PlateRecord) -> Box:
@@ -64,24 +27,29 @@ def plate_box(plate: PlateRecord) -> Box:
     return Box(np.array([*-half, -MM * plate.thickness]), np.array([*half, 0.0]))
 
 
-def log_labels(stream: Any, box: Box, legend: Sequence[Entry]) -> None:
-    """Log what does not change: the scale bar and, of several entries, the legend."""
-    import rerun as rr
-
+def label_entries(box: Box, legend: Sequence[LegendEntry]) -> Iterator[Entry]:
+    """What does not change: the scale bar and, of several entries, the legend."""
     bar = bar_length(LARGEST_BAR * float(box.high[0] - box.low[0]))
     left, tick = box.bar_place, np.array([0.0, 0.012 * box.size, 0.0])
     right = left + np.array([bar, 0.0, 0.0])
-    strip = [left + tick, left - tick, left, right, right + tick, right - tick]
-    rim = rr.LineStrips3D([strip], colors=[BLACK], radii=[-2.5])  # so that it shows on a light plate, too
-    stream.log("labels/scale_bar/rim", rim, static=True)
+    strip = np.array([left + tick, left - tick, left, right, right + tick, right - tick])
+    yield "labels/scale_bar/rim", Lines([strip], BLACK, -2.5), {}  # so that it shows on a light plate, too
     raised = strip + np.array([0.0, 0.0, 0.002 * box.size])
-    drawn = rr.LineStrips3D([raised], colors=[WHITE], radii=[-1.2], labels=[f"{bar:g} mm"], show_labels=True)
-    stream.log("labels/scale_bar", drawn, static=True)
+    yield "labels/scale_bar", Lines([raised], WHITE, -1.2, f"{bar:g} mm"), {}
     if len(legend) > 1:
-        places, names = legend_places(box, len(legend)), [entry.name for entry in legend]
-        colours = [entry.colour for entry in legend]
-        dots = rr.Points3D(places, radii=[-6.0], colors=colours, labels=names, show_labels=True)
-        stream.log("labels/legend", dots, static=True)
+        names, colours = [entry.name for entry in legend], [entry.colour for entry in legend]
+        yield "labels/legend", Texts(names, legend_places(box, len(legend)), colours, -6.0), {}
+
+
+def stage_label(view: SeedView, box: Box) -> Iterator[Entry]:
+    """The stage under way, and in slow motion that which is shown."""
+    yield "labels/stage", Texts(None, [box.stage_place], [WHITE], 0.0), {}
+    texts = stage_texts(view.plate, view.times, view.last)
+    for time, text in texts:
+        yield "labels/stage", Texts([text]), {TIMELINE: time}
+    for begin, stage in view.slow_stages:
+        moment = view.slow_times(stage)[-1]
+        yield "labels/stage", Texts([text for time, text in texts if time <= moment][-1:]), {SLOW: begin}
 
 
 def legend_places(box: Box, entries: int) -> NDArray[np.float64]:
@@ -104,18 +72,6 @@ def bar_length(largest: float) -> float:
     """The largest of 1, 2, 5, 10, 20, ... (and of 0.5, 0.2, ...) that is not above `largest`."""
     power = 10.0 ** np.floor(np.log10(largest))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= largest * (1.0 + 1e-9)))
-
-
-def log_stage_texts(stream: Any, box: Box, texts: Sequence[tuple[float, str]], timeline: str = TIMELINE) -> None:
-    """Log texts, each from its time [s] on."""
-    import rerun as rr
-
-    label = rr.Points3D.from_fields(positions=[box.stage_place], radii=[0.0], colors=[WHITE], show_labels=True)
-    stream.log("labels/stage", label, static=True)
-    for time, text in texts:
-        stream.set_time(timeline, duration=time)
-        stream.log("labels/stage", rr.Points3D.from_fields(labels=[text]))
-    stream.reset_time()
 
 
 def stage_texts(plate: PlateRecord, times: Timetable, last: float) -> list[tuple[float, str]]:

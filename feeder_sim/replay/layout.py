@@ -6,15 +6,14 @@ viewer, and in slow motion without the plots, which know no such time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.replay.labels import Box, legend_lines
-from feeder_sim.replay.plate import HEIGHT, PERIOD_S, SLOW, TIMELINE
+from feeder_sim.replay.labels import legend_lines
+from feeder_sim.replay.scenery import Box
 
 # The eye of a 3D view, placed so that what is to be seen fills the pane.
 
@@ -31,13 +30,6 @@ class Eye:
     position: NDArray[np.float64]
     target: NDArray[np.float64]
 
-    def project(self, points: ArrayLike, aspect: float) -> NDArray[np.float64]:
-        """Places (n, 2) of points (n, 3) [mm] in a pane, from -1 to 1 in each axis; aspect is width over height."""
-        right, up, forward = _axes(self.position - self.target)
-        relative = np.asarray(points, float) - self.position
-        depth = (relative @ forward) * np.tan(0.5 * FIELD_OF_VIEW)
-        return np.column_stack([relative @ right / (aspect * depth), relative @ up / depth])
-
 
 def framing(points: ArrayLike, aspect: float, *, direction: ArrayLike = OBLIQUE) -> Eye:
     """The eye nearest to points that sees all of them.
@@ -52,7 +44,7 @@ def framing(points: ArrayLike, aspect: float, *, direction: ArrayLike = OBLIQUE)
         direction: from what is seen to the eye.
     """
     points = np.asarray(points, float)
-    right, up, forward = _axes(np.asarray(direction, float))
+    right, up, forward = axes_of(np.asarray(direction, float))
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     relative = points - centre
     z = relative @ forward
@@ -72,7 +64,7 @@ def _middle(side: NDArray[np.float64], depth: NDArray[np.float64]) -> float:
     return float(side[highest] - slope.max() * depth[highest])
 
 
-def _axes(towards_eye: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def axes_of(towards_eye: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Unit vectors to the right, up and forward in a pane."""
     forward = -towards_eye / np.linalg.norm(towards_eye)
     right = np.cross(forward, UP)
@@ -85,8 +77,6 @@ BACKGROUND = (24, 27, 31)
 LONG = 2.2  # length over depth of a box, from which on the scene has the whole width
 SHARES = {"viewer": (3, 2), "picture": (3, 2), "slow_motion": (2, 3)}  # of the scene, and of what is beside or below it
 WINDOW = 16.0 / 9.0  # width over height of a picture, and about that of the viewer's window
-WAVE_DIRECTION = (0.0, -1.0, 0.6)
-CONTENTS = ("plate", "guide", "parts", "shadows", "drop_lines", "paths", "picked", "labels")
 
 
 def scene_eye(box: Box, entries: int, style: Style, direction: ArrayLike = OBLIQUE) -> Eye:
@@ -112,64 +102,3 @@ def is_long(box: Box) -> bool:
     """Whether a box is so long that its pane should be so, too."""
     length, depth = (box.high - box.low)[:2]
     return bool(length > LONG * depth)
-
-
-def layout(box: Box, eye: Eye, beside: Sequence[Any], shares: Sequence[float], *, title: str, style: Style) -> Any:
-    """The blueprint.
-
-    Args:
-        box: what the scene shows.
-        eye: of the scene.
-        beside: the other views.
-        shares: of each of them.
-        title: of the scene.
-        style: what it is for.
-    """
-    import rerun.blueprint as rrb
-
-    bare = style != "viewer"
-    scene = spatial_view("/", [f"+ /{name}/**" for name in CONTENTS], title, eye, style=style)
-    if is_long(box):
-        views: Any = rrb.Vertical(scene, rrb.Horizontal(*beside, column_shares=shares), row_shares=SHARES[style])
-    else:
-        views = rrb.Horizontal(scene, rrb.Vertical(*beside, row_shares=shares), column_shares=SHARES[style])
-    hidden = [rrb.TopPanel(state="hidden")] if bare else []
-    return rrb.Blueprint(
-        views,
-        rrb.TimePanel(
-            state="hidden" if bare else "collapsed",
-            timeline=TIMELINE,
-            play_state="paused" if bare else "playing",
-            loop_mode="all",
-        ),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        *hidden,
-        auto_layout=False,
-        auto_views=False,
-    )
-
-
-def wave_view(box: Box, *, style: Style) -> Any:
-    """The view of the surface, magnified."""
-    height = HEIGHT * float(box.high[0] - box.low[0])
-    raised = Box(box.low * [1.0, 1.0, 0.0] - [0.0, 0.0, height], box.high * [1.0, 1.0, 0.0] + [0.0, 0.0, height])
-    below = [0.0, 1.25 * float(box.low[1]), -height]  # the caption
-    eye = framing([*raised.corners, below], wave_aspect(box, style), direction=WAVE_DIRECTION)
-    title = f"Surface, magnified; timeline {SLOW}: one period in {PERIOD_S:g} s"
-    return spatial_view("/wave", ["+ /wave/**"], title, eye, style=style)
-
-
-def spatial_view(origin: str, contents: Sequence[str], title: str, eye: Eye, *, style: Style) -> Any:
-    """A view in 3D."""
-    import rerun.blueprint as rrb
-
-    return rrb.Spatial3DView(
-        origin=origin,
-        contents=contents,
-        name=title,
-        titlebar=style == "viewer",
-        eye_controls=rrb.EyeControls3D(position=eye.position, look_target=eye.target, eye_up=[0.0, 0.0, 1.0]),
-        line_grid=False,
-        background=BACKGROUND,
-    )

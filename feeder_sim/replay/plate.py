@@ -1,86 +1,113 @@
-"""The plate in a replay: a flat surface coloured by its signed displacement amplitude, with nodal lines."""
+"""The plate in a replay: a flat surface coloured by its signed displacement amplitude; nodal lines; its motion.
+
+The motion is that at the end of every different stage, a few periods of it, magnified and slowed down, on a timeline of
+its own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.plate.drive import ModalDrive, ModalTerms
+from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.plate.wave import standing_share
 from feeder_sim.records.recording import PlateRecord
 from feeder_sim.replay.area import Area, area_of, body_mesh
-from feeder_sim.scene.timetable import TimedStage
+from feeder_sim.replay.scenery import MM, SLOW, TIMELINE, Cuboid, Entry, Lines, Mesh, Texts
+from feeder_sim.replay.seed_view import PERIOD_S, PICTURES, SeedView
 
-# The surface in slow motion in a replay: a few periods of every stage, magnified, on a timeline of their own.
-
-SLOW = "slow_motion"
-PERIOD_S = 2.0  # [s] on the slow timeline for one period of the plate
-PERIODS = 2  # shown of every stage
-PICTURES = 20  # per period
-POINTS = 61  # largest number of grid points per axis of the plate
+POINTS = 61  # largest number of grid points per axis of the plate, where it is drawn again and again
 HEIGHT = 0.06  # of the highest crest as drawn, over the length of the plate
+PLATE_GREY, NODE = (190, 190, 195), (20, 20, 20)
+ENVELOPE_POINTS = 2001
+STANDING = 0.9  # smallest standing share of a wave that is drawn as a standing one, with signs
+COLOUR_STEP = 0.04  # of the largest amplitude; the plate is coloured again when an amplitude has changed by so much
+COARSE_STEP = 0.12  # of it, on a page
+NODE_HEIGHT_MM, BODY_GAP_MM = 0.02, 0.05  # of lines over the surface, and of the body below it, so that both show
+COARSE_GAP = 1e-4  # of the length of the plate, on a page
 
 
-def log_wave(
-    stream: Any, plate: PlateRecord, terms: ModalTerms, stages: Sequence[TimedStage], last: float
-) -> list[tuple[float, float]]:
-    """Log the motion at the end of every different stage that was reached, one after the other on the slow timeline.
+def plate_entries(view: SeedView) -> Iterator[Entry]:
+    """The body of the plate, its surface with its colours in time, and the nodal lines of its drive."""
+    plate, last = view.plate, max(frames.time[-1] for frames in view.recording.seeds if len(frames))
+    area = area_of(plate.x, plate.y, plate.outline)
+    yield _body(plate, area, BODY_GAP_MM)
+    up = np.tile([0.0, 0.0, 1.0], (len(area.points), 1))
+    yield "plate/surface", Mesh(_raised(area.points), area.triangles, normals=up), {}
+    for time, field in amplitude_fields(plate, area, view.terms, last, step=COLOUR_STEP):
+        yield "plate/surface", Mesh(vertex_colours=diverging(field)), {TIMELINE: time}
+    if plate.nodal_lines:
+        yield "plate/nodal_lines", _nodal_lines(plate.nodal_lines), {}
 
-    On the real timeline the same view shows the surface at its largest amplitude, from the begin of each stage on.
 
-    Args:
-        stream: rerun's recording stream.
-        plate: its mode shapes and drives.
-        terms: modal coordinates in time.
-        stages: of the shown seed.
-        last: time of the last frame [s].
+def coarse_plate_entries(view: SeedView) -> Iterator[Entry]:
+    """Body and surface in few triangles, with few colours in time, as pixels: fields that come again are the same."""
+    plate = view.plate
+    # The surface is flat, so that only its edge needs corners.
+    x, y = (axis[:: 4 if plate.outline else len(axis) - 1] for axis in (plate.x, plate.y))
+    edge = area_of(x, y, plate.outline)
+    yield _body(plate, edge, COARSE_GAP * plate.length * MM)
+    shape, (rows, columns) = (len(plate.x), len(plate.y)), (thinned(len(axis)) for axis in (plate.x, plate.y))
+    low, high = (np.array([plate.x[i], plate.y[i]]) for i in (0, -1))
+    pixel = 1.0 / np.array([len(rows), len(columns)])
+    uv = 0.5 * pixel + (edge.points - low) / (high - low) * (1.0 - pixel)
+    yield "plate/surface", Mesh(_raised(edge.points), edge.triangles, uv=uv), {}
+    fields: dict[bytes, NDArray[np.float64]] = {}
+    grid = area_of(plate.x, plate.y, None)
+    for time, field in amplitude_fields(plate, grid, view.terms, view.last, step=COARSE_STEP):
+        same = fields.setdefault(np.round(field / COARSE_STEP).astype(np.int8).tobytes(), field)
+        colours = diverging(same)[:, :3].reshape(*shape, 3)[rows[:, None], columns]
+        yield "plate/surface", Mesh(pixels=colours.transpose(1, 0, 2)[::-1]), {TIMELINE: time}
 
-    Returns:
-        For every different stage its begin on the slow timeline [s], and the time of the run that is shown last [s].
-    """
-    import rerun as rr
 
+def _body(plate: PlateRecord, area: Area, gap_mm: float) -> Entry:
+    """What is below the surface."""
+    if plate.outline is None:
+        sides = np.array([plate.length, plate.width, plate.thickness]) * MM
+        return "plate/body", Cuboid((0.0, 0.0, -0.5 * sides[2] - gap_mm), sides, PLATE_GREY), {}
+    corners, faces = body_mesh(area, plate.outline, plate.thickness, gap_mm / MM)
+    return "plate/body", Mesh(MM * corners, faces, PLATE_GREY), {}
+
+
+def stage_entries(view: SeedView) -> Iterator[Entry]:
+    """Nodal lines of the modes that a stage drives, and its name."""
+    lines_of_shape = nodal_lines_of(view.plate)
+    for stage, begin in view.stages:
+        shapes = sorted({view.plate.drives[i].shape for i in stage.excitations})
+        lines = [line for shape in shapes for line in lines_of_shape[shape]]
+        yield "plate/nodal_lines", _nodal_lines(lines) if lines else None, begin
+        yield "stage", f"cycle {stage.cycle}, {stage.name}" if stage.cycle else stage.name, begin
+
+
+def wave_entries(view: SeedView) -> Iterator[Entry]:
+    """The surface in slow motion; on the real timeline it is that at its largest amplitude in a stage."""
+    plate = view.plate
     rows, columns = (thinned(len(axis)) for axis in (plate.x, plate.y))
     area = area_of(plate.x[rows], plate.y[columns], plate.outline)
     shapes = np.stack([area.carried(shape) for shape in plate.mode_shape[:, rows[:, None], columns]])
-
     scale = HEIGHT * plate.length * MM
 
-    def log(field: NDArray[np.float64]) -> None:
-        """Log a deflection (n,), whose largest value over time is 1."""
-        vertices = np.column_stack([MM * area.points, scale * field])
-        mesh = rr.Mesh3D(vertex_positions=vertices, triangle_indices=area.triangles, vertex_colors=diverging(field))
-        stream.log("wave/surface", mesh)
+    def surface(field: NDArray[np.float64]) -> Mesh:
+        """A deflection (n,), whose largest value over time is 1."""
+        return Mesh(_raised(area.points, scale * field), area.triangles, vertex_colours=diverging(field))
 
     front = [[0.0, -0.56 * MM * plate.width, -scale]]
-    caption = rr.Points3D(front, radii=[0.0], colors=[(255, 255, 255)], labels=["surface, magnified"], show_labels=True)
-    stream.log("wave/caption", caption, static=True)
-    slow_stages: dict[frozenset[ModalDrive], tuple[float, float]] = {}
-    for stage in stages:
-        if not stage.excitations or stage.start > last:
+    yield "wave/caption", Texts(["surface, magnified"], front, [(255, 255, 255)], 0.0), {}
+    begins = {stage.start: begin for begin, stage in view.slow_stages}
+    for stage, start in view.stages:
+        if not stage.excitations:
             continue
-        frequency = max(plate.drives[i].drive_frequency for i in stage.excitations)
-        times = min(stage.stop, last) + (np.arange(PERIODS * PICTURES) / PICTURES - PERIODS) / frequency
-        motion = np.tensordot(terms.phasor(times, len(shapes)).real, shapes, axes=1)
+        motion = np.tensordot(view.terms.phasor(view.slow_times(stage), len(shapes)).real, shapes, axes=1)
         motion /= max(float(np.abs(motion).max()), 1e-300)
-        stream.set_time(TIMELINE, duration=stage.start)
-        log(motion[np.abs(motion).max(axis=1).argmax()])
-        stream.reset_time()
-        if (drives := frozenset(plate.drives[i] for i in stage.excitations)) in slow_stages:
-            continue
-        begin = PERIODS * PERIOD_S * len(slow_stages)
-        slow_stages[drives] = begin, float(times[-1])
-        for i, field in enumerate(motion):
-            stream.set_time(SLOW, duration=begin + PERIOD_S * i / PICTURES)
-            if i == 0:
-                text = f"cycle {stage.cycle}, {stage.name}: {frequency:.0f} Hz" if stage.name else f"{frequency:.0f} Hz"
-                stream.log("stage", rr.TextLog(text))
-            log(field)
-        stream.reset_time()
-    return list(slow_stages.values())
+        yield "wave/surface", surface(motion[np.abs(motion).max(axis=1).argmax()]), {TIMELINE: start[TIMELINE]}
+        if (begin := begins.get(stage.start)) is not None:
+            frequency = f"{max(plate.drives[i].drive_frequency for i in stage.excitations):.0f} Hz"
+            text = f"cycle {stage.cycle}, {stage.name}: {frequency}" if stage.name else frequency
+            yield "stage", text, {SLOW: begin}
+            for i, field in enumerate(motion):
+                yield "wave/surface", surface(field), {SLOW: begin + PERIOD_S * i / PICTURES}
 
 
 def thinned(n: int) -> NDArray[np.int64]:
@@ -88,52 +115,18 @@ def thinned(n: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, n - 1, min(n, POINTS)).round().astype(np.int64))
 
 
-TIMELINE = "sim_time"
-MM = 1e3
-PLATE_GREY, NODE = (190, 190, 195), (20, 20, 20)
-ENVELOPE_POINTS = 2001
-STANDING = 0.9  # smallest standing share of a wave that is drawn as a standing one, with signs
-COLOUR_STEP = 0.04  # of the largest amplitude; the plate is coloured again when an amplitude has changed by so much
-NODE_HEIGHT_MM, BODY_GAP_MM = 0.02, 0.05  # of lines over the surface, and of the body below it, so that both show
+def _raised(points: NDArray[np.float64], height: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
+    """Points (n, 2) [m] at a height [mm]: (n, 3) [mm]."""
+    return np.column_stack([MM * points, np.broadcast_to(height, len(points))])
 
 
-def log_plate(stream: Any, plate: PlateRecord, terms: ModalTerms, last: float) -> None:
-    """Log the top surface with its colours in time, the body below it, and the nodal lines.
-
-    Args:
-        stream: rerun's recording stream.
-        plate: its dimensions, mode shapes and nodal lines.
-        terms: modal coordinates in time.
-        last: time of the last frame [s].
-    """
-    import rerun as rr
-
-    half = np.array([plate.length, plate.width, plate.thickness]) * 0.5 * MM
-    area = area_of(plate.x, plate.y, plate.outline)
-    if plate.outline is None:
-        body: Any = rr.Boxes3D(
-            centers=[[0, 0, -half[2] - BODY_GAP_MM]], half_sizes=[half], colors=[PLATE_GREY], fill_mode="solid"
-        )
-    else:
-        corners, faces = body_mesh(area, plate.outline, plate.thickness, BODY_GAP_MM / MM)
-        body = rr.Mesh3D(vertex_positions=MM * corners, triangle_indices=faces, albedo_factor=PLATE_GREY)
-    stream.log("plate/body", body, static=True)
-    vertices = np.column_stack([MM * area.points, np.zeros(len(area.points))])
-    mesh = rr.Mesh3D(
-        vertex_positions=vertices,
-        triangle_indices=area.triangles,
-        vertex_normals=np.tile([0.0, 0.0, 1.0], (len(vertices), 1)),
-    )
-    stream.log("plate/surface", mesh, static=True)  # only the vertex colours below change in time
-    for time, field in amplitude_fields(plate, area, terms, last):
-        stream.set_time(TIMELINE, duration=time)
-        stream.log("plate/surface", rr.Mesh3D.from_fields(vertex_colors=diverging(field)))
-    if plate.nodal_lines:
-        stream.log("plate/nodal_lines", drawn_lines(plate.nodal_lines), static=True)
+def _nodal_lines(lines: Sequence[NDArray[np.float64]]) -> Lines:
+    """Polylines (n, 2) [m], drawn just above the plate."""
+    return Lines([_raised(line, NODE_HEIGHT_MM) for line in lines], NODE, 0.12)
 
 
 def amplitude_fields(
-    plate: PlateRecord, area: Area, terms: ModalTerms, last: float, *, step: float = COLOUR_STEP
+    plate: PlateRecord, area: Area, terms: ModalTerms, last: float, *, step: float
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Times [s] up to `last` at which the amplitude has changed, and its field (n,) at the corners of `area`.
 
@@ -188,14 +181,6 @@ def _amplitude(phasors: NDArray[np.complex128], shapes: NDArray[np.float64]) -> 
     in_phase = phasors * np.exp(-0.5j * np.angle((field**2).sum()))  # as nearly real as a common phase makes them
     sign = np.sign(in_phase[np.abs(in_phase).argmax()].real) or 1.0
     return np.asarray(sign * np.tensordot(in_phase, shapes, axes=1).real)
-
-
-def drawn_lines(lines: Sequence[NDArray[np.float64]]) -> Any:
-    """Polylines (n, 2) [m], drawn just above the plate."""
-    import rerun as rr
-
-    raised = [np.column_stack([line * MM, np.full(len(line), NODE_HEIGHT_MM)]) for line in lines]
-    return rr.LineStrips3D(raised, colors=[NODE], radii=[0.12])
 
 
 def _colour_rows(amplitude: NDArray[np.float64], step: float) -> list[int]:

@@ -19,7 +19,7 @@ from feeder_sim.records.files import partial_of
 from feeder_sim.records.trajectory_file import read_recording, trajectory_of
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera
-from feeder_sim.replay.plate import SLOW, TIMELINE
+from feeder_sim.replay.scenery import SLOW, TIMELINE
 from feeder_sim.replay.viewer import replay_ends
 
 FPS, SIZE = 25.0, (1280, 720)

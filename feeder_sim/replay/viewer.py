@@ -14,8 +14,8 @@ from feeder_sim.records.files import check_no_links, locked, write_whole
 from feeder_sim.records.trajectory_file import read_recording, trajectory_of
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera, viewer_program
-from feeder_sim.replay.plate import SLOW, TIMELINE
 from feeder_sim.replay.replay import build_replay, replay_name, timeline_ends
+from feeder_sim.replay.scenery import SLOW, TIMELINE
 
 DEFAULT_TIME = 1.0  # [s], of a screenshot
 STARTING_S = 2.0
@@ -46,7 +46,7 @@ def replay_file(run: Path, *, seed: int = 0, colour: Colour | None = None, rebui
             stack.enter_context(locked(folder))
         except FeederSimError:
             replay = Path(tempfile.mkdtemp(prefix="feeder_sim_")) / name
-        build_replay(trajectory, replay, shown_seed=seed, colour=colour)
+        build_replay(trajectory, replay, seed=seed, colour=colour)
     return replay
 
 

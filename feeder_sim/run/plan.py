@@ -26,7 +26,8 @@ from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_shapes import RitzShape
 from feeder_sim.plate.sound import loudness
 from feeder_sim.records.recording import DISPLAY_POINTS
-from feeder_sim.replay.plate import PERIODS, PICTURES, POINTS
+from feeder_sim.replay.plate import POINTS
+from feeder_sim.replay.seed_view import PERIODS, PICTURES
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.prepare import prepare, recommendations

@@ -51,7 +51,7 @@ def test_replay_holds_the_recorded_poses_in_millimetres(tmp_path: Path) -> None:
 
 def test_replay_can_be_built_again_and_for_another_seed(tmp_path: Path) -> None:
     record_run(piston_scenario(seeds=2), tmp_path / "run", replay=False)
-    build_replay(tmp_path / "run" / TRAJECTORY, tmp_path / "other.rrd", shown_seed=1)
+    build_replay(tmp_path / "run" / TRAJECTORY, tmp_path / "other.rrd", seed=1)
     assert "plots/height_mm/shown" in columns(tmp_path / "other.rrd")
     with pytest.raises(InputError, match="must be 0 to 1"):
-        build_replay(tmp_path / "run" / TRAJECTORY, tmp_path / "third.rrd", shown_seed=2)
+        build_replay(tmp_path / "run" / TRAJECTORY, tmp_path / "third.rrd", seed=2)

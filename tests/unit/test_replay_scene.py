@@ -15,12 +15,14 @@ from feeder_sim.part.stable_poses import PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.records.recording import PlateRecord, Recording
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.replay.build import scene_box
 from feeder_sim.replay.colours import colours_of, default_colour, kind_names
-from feeder_sim.replay.labels import Box, bar_length, legend_places, stage_texts
-from feeder_sim.replay.layout import framing, scene_aspect, scene_eye
+from feeder_sim.replay.labels import bar_length, legend_places, stage_texts
+from feeder_sim.replay.layout import FIELD_OF_VIEW, Eye, axes_of, framing, scene_aspect, scene_eye
 from feeder_sim.replay.replay import build_replay
-from feeder_sim.replay.shadows import LIGHT, log_shadows
-from feeder_sim.replay.single import single_box
+from feeder_sim.replay.rerun_file import LIGHT, rerun_content
+from feeder_sim.replay.scenery import Box, Mesh, Parts, Scenery
+from feeder_sim.replay.seed_view import SeedView
 from feeder_sim.replay.video import film_of
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.scenario import (
@@ -174,19 +176,25 @@ def test_shadows_lie_flat_where_parts_are_over_the_plate(run: Path, recording: R
 
 
 def test_only_a_part_high_above_the_plate_has_a_line_down_to_it(recording: Recording, tmp_path: Path) -> None:
-    import rerun as rr
-
-    frames = recording.seeds[0][slice(0, 2)]
-    frames.position[:, FEW:] = [0.0, 0.0, 0.5e-3 * LARGE_MM]
-    frames.position[1, FEW + 1] = [0.01, 0.005, 0.012]
-    stream = rr.RecordingStream("test")
-    held = stream.memory_recording()
-    time = rr.TimeColumn("sim_time", duration=frames.time)
-    log_shadows(stream, recording.plate, "1", recording.parts[FEW], frames, [FEW, FEW + 1, FEW + 2], [time])
-    (tmp_path / "lines.rrd").write_bytes(held.drain_as_bytes())
+    part, position = recording.parts[FEW], np.full((2, 3, 3), [0.0, 0.0, 0.5 * LARGE_MM])
+    position[1, 1] = [10.0, 5.0, 12.0]
+    there, upright = np.full((2, 3), True), np.tile([1.0, 0.0, 0.0, 0.0], (2, 3, 1))
+    mesh = Mesh(part.vertices * 1e3, part.faces)
+    parts = Parts(mesh, position, upright, there, there, np.zeros((2, 3), np.int64), [(0, 0, 0)], [0])
+    box = Box(np.zeros(3), np.ones(3))
+    scenery = Scenery([("parts/1", parts, {"sim_time": [0.0, 1.0]})], box, (0.0, -1.0, 1.0), "", 1, [], wave=True)
+    (tmp_path / "lines.rrd").write_bytes(rerun_content(scenery, "test", "picture"))
     rows = [v for t, v in logged(tmp_path / "lines.rrd", "drop_lines/1", "LineStrips3D:strips") if t is not None]
     assert [len(row) for row in rows] == [0, 1]
     assert np.array(rows[1][0]) == pytest.approx(np.array([[10.0, 5.0, 12.0], [10.0, 5.0, 0.0]]))
+
+
+def projected(eye: Eye, points: np.ndarray[Any, Any], aspect: float) -> np.ndarray[Any, Any]:
+    """Places (n, 2) of points (n, 3) [mm] in a pane, from -1 to 1 in each axis; aspect is width over height."""
+    right, up, forward = axes_of(eye.position - eye.target)
+    relative = points - eye.position
+    depth = (relative @ forward) * np.tan(0.5 * FIELD_OF_VIEW)
+    return np.column_stack([relative @ right / (aspect * depth), relative @ up / depth])
 
 
 @pytest.mark.parametrize("sides", [(180.0, 180.0), (300.0, 40.0), (60.0, 200.0)])
@@ -194,23 +202,23 @@ def test_plate_and_text_fill_the_pane(sides: tuple[float, float]) -> None:
     half = 0.5 * np.array(sides)
     box = Box(np.array([*-half, -3.0]), np.array([*half, 0.0]))
     points = np.vstack([box.framed(2), legend_places(box, 5)])
-    projected = scene_eye(box, 5, "picture").project(points, scene_aspect(box, "picture"))
-    assert np.abs(projected).max() < 1.0
-    assert np.abs(projected[:, 0]).max() > 0.95 or np.abs(projected[:, 1]).max() > 0.95
+    places = projected(scene_eye(box, 5, "picture"), points, scene_aspect(box, "picture"))
+    assert np.abs(places).max() < 1.0
+    assert np.abs(places[:, 0]).max() > 0.95 or np.abs(places[:, 1]).max() > 0.95
 
 
 def test_eye_is_as_near_as_it_can_be() -> None:
     points = np.random.default_rng(1).uniform(-50.0, 50.0, (30, 3))
     eye = framing(points, 1.3)
-    projected = eye.project(points, 1.3)
-    assert np.abs(projected).max() == pytest.approx(0.96, abs=1e-6)
-    assert projected.max(axis=0) == pytest.approx(-projected.min(axis=0), abs=1e-6)
+    places = projected(eye, points, 1.3)
+    assert np.abs(places).max() == pytest.approx(0.96, abs=1e-6)
+    assert places.max(axis=0) == pytest.approx(-places.min(axis=0), abs=1e-6)
 
 
 def test_one_small_part_is_shown_in_its_cell(tmp_path: Path) -> None:
     record_run(strip_scenario(duration_s=0.02), tmp_path / "run", replay=False)
     recording = read_recording(tmp_path / "run" / TRAJECTORY)
-    box, half = single_box(recording, 0), 0.5e3 * recording.plate.length
+    box, half = scene_box(SeedView(recording, 0)), 0.5e3 * recording.plate.length
     assert -half < box.low[0] < -19.5 and 19.5 < box.high[0] < half  # both nodal lines beside the antinode
     assert box.high[1] == pytest.approx(0.5e3 * recording.plate.width)
 
