@@ -79,10 +79,6 @@ class SweepQuestion(Question):
     ] = MOST_SEEDS
     inputs: Annotated[int, Field(strict=True, ge=2, le=4096, description="Draws of inputs that are [uncertain].")] = 16
 
-    @classmethod
-    def as_now(cls, raw: dict[str, Any]) -> dict[str, Any]:
-        return {"zip" if name == "zipped" else name: value for name, value in raw.items()}
-
     @property
     def same(self) -> str:
         """The points: more seeds or another measure are no other question."""
@@ -354,7 +350,7 @@ def _with_state(sweep: Sweep, file: Path) -> Sweep:
     try:
         state = json.loads(text_of(file))
         warnings = tuple(RepeatedWarning.of_dict(entry) for entry in state["warnings"])
-        short, missing = int(state["points_short_of_se"]), int(state.get("missing_seeds", 0))
+        short, missing = int(state["points_short_of_se"]), int(state["missing_seeds"])
         return replace(sweep, complete=bool(state["complete"]), short=short, missing=missing, warnings=warnings)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"holds no state of a sweep: {error}", file=file) from error
