@@ -49,8 +49,9 @@ def _refuse_question(folder: Path) -> None:
 class OpenedRun(Result):
     """The result of a run that was recorded.
 
-    If a file that its scenario reads is missing or has changed, or if the scenario would be refused today, frames,
-    impacts, plots of paths and the stored summary can be had. All else is an `InputError` that says so.
+    If a file that its scenario reads is missing or has changed, or if the scenario is refused, as with a shape of a
+    package that is not installed, frames, impacts, plots of paths and the stored summary can be had. All else is an
+    `InputError` that says so.
 
     Attributes:
         recording: the trajectory file.
@@ -96,7 +97,7 @@ class OpenedRun(Result):
 
     @cached_property
     def _written(self) -> dict[str, Any]:
-        """The scenario as it was written, which rules that came later may refuse."""
+        """The scenario as it was written, which may be refused here."""
         return tomllib.loads(self.recording.scenario_text)
 
     @property

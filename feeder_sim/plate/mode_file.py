@@ -340,14 +340,11 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
         InputError: another schema, or inconsistent content.
     """
     schema, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
-    if version is not None and (not np.isscalar(version) or version != SCHEMA_VERSION):
-        raise InputError(
-            f"is {version}, must be {SCHEMA_VERSION}; make it with 'feeder-sim modes PLATE.toml --out FILE'",
-            file=path,
-            key="schema_version",
-        )
-    if schema != SCHEMA or version is None:
+    if schema != SCHEMA:
         raise InputError(f"is {schema!r}, must be a mode file ({SCHEMA!r})", file=path, key="schema")
+    if not np.isscalar(version) or version != SCHEMA_VERSION:
+        problem = f"is {version}, must be {SCHEMA_VERSION}; make it with 'feeder-sim modes PLATE.toml --out FILE'"
+        raise InputError(problem, file=path, key="schema_version")
     values = {name: _number(file, name, path) for name in _PLATE_KEYS}
     orthotropic = {name: _number(file, name, path) for name in _ORTHOTROPIC_KEYS if name in file["plate"].attrs}
     material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"], **orthotropic)

@@ -170,11 +170,10 @@ def read_failure(folder: Path, seed: int) -> tuple[SimulationDiverged, LastState
     last = read_last_states(path)
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            name, cause, part = (str(archive[key]) if key in archive else "" for key in ("divergence", "cause", "part"))
-            time = float(archive["time_s"])
+            name, cause, part = (str(archive[key]) for key in ("divergence", "cause", "part"))
+            divergence, time = Divergence[name], float(archive["time_s"])
     except Exception as error:
         raise InputError("holds no readable last states", file=path) from error
-    divergence = Divergence.__members__.get(name, Divergence.UNKNOWN)
     return SimulationDiverged(divergence, time_s=time, part=part, seed=seed, detail=cause, file=path.name), last
 
 

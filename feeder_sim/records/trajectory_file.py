@@ -73,11 +73,11 @@ def read_recording(path: str | Path) -> Recording:
 def _recording(path: Path, file: Any) -> Recording:
     check_trusted(file, path)
     schema, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
-    if version is not None and version != SCHEMA_VERSION:  # first: the text of version 1 is not to be read
+    if schema != SCHEMA:
+        raise InputError(f"is {schema!r}, must be a trajectory ({SCHEMA!r})", file=path, key="schema")
+    if version != SCHEMA_VERSION:
         message = f"is {version}, must be {SCHEMA_VERSION}: its scenario has to be run again"
         raise InputError(message, file=path, key="schema_version")
-    if schema != SCHEMA or version is None:
-        raise InputError(f"is {schema!r}, must be a trajectory ({SCHEMA!r})", file=path, key="schema")
     groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"], key=int)]
     return Recording(
         path=path,
@@ -132,7 +132,7 @@ def read_seed(group: Any) -> Seed:
         stops=group["stops"][()],
         status=Status(int(group["status"][0])),
         wall_s=float(group["wall_time"][0]),
-        counts=Counts(*(int(group[name][0]) for name in Counts._fields if name in group)),
+        counts=Counts(*(int(group[name][0]) for name in Counts._fields)),
     )
 
 

@@ -222,7 +222,7 @@ def resume_run(
         RecordingFailed: as for `record_run`.
     """
     folder = Path(folder)
-    if not (folder / RUN).is_file() and not (folder / TRAJECTORY).is_file():  # the second alone: an older one
+    if not (folder / RUN).is_file():
         raise InputError(f"no run here, must be a folder that holds {RUN}", file=folder, key="--resume")
     how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
     how |= {"stall_after": stall_after, "workers": workers, "executor": executor}

@@ -106,14 +106,6 @@ class MujocoSettings(Table):
     tolerance: Literal["scaled", "default"] = "scaled"
     refsafe: Flag = True
 
-    @model_validator(mode="before")
-    @classmethod
-    def _without_units(cls, raw: Any) -> Any:
-        """Scenarios of before wrote out `units = "SI"`, which is all there is now."""
-        if isinstance(raw, dict) and raw.get("units") == "SI":
-            return {key: value for key, value in raw.items() if key != "units"}
-        return raw
-
 
 def _engine(name: str) -> str:
     """An engine of ours, or of another package."""

@@ -92,13 +92,7 @@ class Question(Table):
             raise InputError(f"no such file, must be the folder of {cls.kind}", file=path) from error
         except (OSError, ValueError) as error:
             raise InputError(f"holds no question of {cls.kind}: {error}", file=path) from error
-        nothing = (0, "")  # older versions wrote these for what was not given
-        return validated(cls.as_now({k: v for k, v in raw.items() if v not in nothing}), cls, path)
-
-    @classmethod
-    def as_now(cls, raw: dict[str, Any]) -> dict[str, Any]:
-        """What older versions have written, in the words of now."""
-        return raw
+        return validated(raw, cls, path)
 
 
 class Plan(Protocol):

@@ -99,11 +99,6 @@ class MapQuestion(Question):
         tuple[str, ...], Field(description="Measured point to draw: frequency [Hz], amplitude [um], speed [mm/s].")
     ] = ()
 
-    @classmethod
-    def as_now(cls, raw: dict[str, Any]) -> dict[str, Any]:
-        names = {"frequency": "frequencies_hz", "amplitude": "amplitudes_um"}
-        return {names.get(name, name): value for name, value in raw.items()}
-
     @property
     def same(self) -> str:
         return f"{self.frequencies_hz} {self.amplitudes_um}"

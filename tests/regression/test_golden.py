@@ -1,4 +1,4 @@
-"""What commands print, and folders that an older version wrote, are as they were."""
+"""What commands print, and what stored folders hold, is as it was."""
 
 from __future__ import annotations
 

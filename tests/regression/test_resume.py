@@ -229,15 +229,6 @@ def test_what_cannot_be_resumed_is_refused_in_one_line(whole: Path, tmp_path: Pa
     check_refused(feeder_sim("run"), "scenario file", "--resume")
 
 
-def test_a_folder_of_before_run_json_goes_on(whole: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    with second_seed_stops():
-        record_run(nuts(), folder, replay=False)
-    (folder / "run.json").unlink()
-    resume_run(folder, replay=False)
-    check_same(folder, whole)
-
-
 def test_result_does_not_depend_on_threads() -> None:
     """Six islands or so, and their number changes; removals in between."""
     scene = build_scene(nuts({"part[0].count": 30}))

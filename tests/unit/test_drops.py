@@ -14,13 +14,15 @@ import pytest
 import trimesh
 from command_line import check_refused, feeder_sim
 from conftest import REPOSITORY, refusal
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.part.mesh_part import mesh_part
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.solids import ball, cylinder, hex_nut
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
-from feeder_sim.plots.poses import AZIMUTH_DEG, ELEVATION_DEG, PIXELS, render
+from feeder_sim.plots.poses import ELEVATION_DEG, draw_pose
 from feeder_sim.scenario import Contact
 from feeder_sim.studies.drops import DropStudy, drop
 
@@ -83,19 +85,21 @@ def test_engines_agree_on_a_nut(friction: float) -> None:
 
 
 def test_what_is_in_front_hides_what_is_behind() -> None:
-    """As many pixels show the box as its three visible faces cover."""
-    part = box(6e-3, 4e-3, 2e-3)
-    reach = 6e-3
-    picture = render(part, np.array([1.0, 0.0, 0.0, 0.0]), 1e-3, reach)
-    shown = (picture[:, :, 2] - picture[:, :, 0] > 0.04).sum()
-    azimuth, elevation = math.radians(AZIMUTH_DEG), math.radians(ELEVATION_DEG)
-    assert picture.shape == (PIXELS, PIXELS, 3)
-    per_metre = PIXELS / (2.0 * math.sqrt(2.0) * reach)
+    """The box covers as much of the plate as its three visible faces do."""
+    reach, elevation = 12e-3, math.radians(ELEVATION_DEG)
+    figure = Figure(figsize=(4.0, 4.0), dpi=300)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
+    axes.set_axis_off()
+    draw_pose(axes, box(6e-3, 4e-3, 2e-3), np.array([1.0, 0.0, 0.0, 0.0]), 1e-3, reach)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    picture = np.asarray(canvas.buffer_rgba())[:, :, :3] / 255.0
+    steel, plate = (picture[:, :, 2] - picture[:, :, 0] > 0.04).sum(), (picture < 1.0).any(axis=2).sum()
     # Turned by 28 degrees against the width of the picture, which faces the eye.
     across = math.radians(28.0)
     sides = math.cos(elevation) * (6e-3 * math.cos(across) + 4e-3 * math.sin(across)) * 2e-3
-    assert azimuth < 0.0
-    assert shown == pytest.approx((sides + math.sin(elevation) * 24e-6) * per_metre**2, rel=0.03)
+    expected = sides + math.sin(elevation) * 24e-6
+    assert steel / plate == pytest.approx(expected / (math.sin(elevation) * (2.0 * reach) ** 2), rel=0.03)
 
 
 def test_the_command_describes_a_part() -> None:

@@ -77,8 +77,6 @@ def test_a_question_is_kept_as_text(tmp_path: Path) -> None:
     question = over(*axis_texts({"a": [1, 2.5], "b": np.array([1.0, 2.0]), "c": "1:2:3"}), seeds=3, measure="m")
     (tmp_path / "sweep.toml").write_text(question.as_toml())
     assert SweepQuestion.read(tmp_path) == question
-    (tmp_path / "sweep.toml").write_text("vary = ['a=1,2']\nzipped = true\nsobol = 0\nmeasure = ''\nuntil_se = 0.0")
-    assert SweepQuestion.read(tmp_path) == over("a=1,2", zip=True)  # as it was written once
     assert question.axes[0].values == (1, 2.5)
     for text in ("vary = 3\nx = 1", "vary = [1]", "vary = []\nseeds = 'x'", "{"):
         (tmp_path / "sweep.toml").write_text(text)

@@ -82,14 +82,6 @@ class OptimiseQuestion(Question):
     recipes: Annotated[int, Field(strict=True, ge=2, le=65536, description="Recipes that --screen walks.")] = 256
     sampler: Annotated[Sampler, Field(description="tpe, or cmaes for numbers only.")] = "tpe"
 
-    @classmethod
-    def as_now(cls, raw: dict[str, Any]) -> dict[str, Any]:
-        """Once it was the measure, whether that is to be large, and a hash of the drift map."""
-        if "measure" not in raw:
-            return raw
-        large = raw.pop("maximise", False)
-        return raw | {"maximise" if large else "minimise": raw.pop("measure")}
-
     def settled(self, scenario: Scenario) -> OptimiseQuestion:
         return self.model_copy(update={"seeds": self.aim(scenario).seeds})
 
@@ -104,11 +96,8 @@ class OptimiseQuestion(Question):
     @property
     def same(self) -> str:
         """All of it, since a search with other words takes another way; but it may go on for longer."""
-        screened = (content_hash(self.screen), self.recipes) if self.screen else ("", 0)
-        measure = self.maximise or self.minimise or ""
-        words = {"over": self.over, "measure": measure, "maximise": self.maximise is not None, "seeds": self.seeds}
-        words |= {"sampler": self.sampler, "screen": screened[0], "recipes": screened[1]}
-        return f"Question({', '.join(f'{name}={value!r}' for name, value in words.items())})"
+        screened = (content_hash(self.screen), self.recipes) if self.screen else None
+        return f"{self.over} {self.maximise} {self.minimise} {self.seeds} {self.sampler} {screened}"
 
     def plan(self, scenario: Scenario, file: Path) -> SearchPlan:
         space, aim = Space.of(scenario, self.over, file), self.aim(scenario)

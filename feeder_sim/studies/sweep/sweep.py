@@ -77,10 +77,6 @@ class SweepQuestion(Question):
     ] = MOST_SEEDS
     inputs: Annotated[int, Field(strict=True, ge=2, le=4096, description="Draws of inputs that are [uncertain].")] = 16
 
-    @classmethod
-    def as_now(cls, raw: dict[str, Any]) -> dict[str, Any]:
-        return {"zip" if name == "zipped" else name: value for name, value in raw.items()}
-
     @property
     def same(self) -> str:
         """The points: more seeds or another measure are no other question."""
