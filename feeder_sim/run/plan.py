@@ -30,7 +30,7 @@ from feeder_sim.replay.plate import PERIODS, PICTURES, POINTS
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.prepare import prepare, recommendations
-from feeder_sim.run.simulation import available_cores
+from feeder_sim.run.work import available_cores
 from feeder_sim.scenario import PartSpec, Schedule, input_files
 from feeder_sim.scenario.schedule import Stage
 from feeder_sim.scene.driven_mode import DrivenMode

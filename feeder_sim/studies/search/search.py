@@ -18,13 +18,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.runner import Bench
+from feeder_sim.jobs.runner import Runner
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.search.proposals import LOG, Proposals, Sampler
 from feeder_sim.studies.search.space import Space
-from feeder_sim.studies.search.trials import Aim, Trial, TrialWork
+from feeder_sim.studies.search.trials import Aim, Trial, TrialTasks
 from feeder_sim.studies.sweep.cases import Case
 from feeder_sim.studies.sweep.design import Point
 
@@ -84,15 +84,15 @@ class SearchRun:
         aim: what is searched for.
         budget: when to end.
         sampler: of Optuna; CMA-ES takes numbers only.
-        bench: runs the seeds; Optuna's own journal is in its folder, or in memory.
+        runner: runs the seeds; Optuna's own journal is in its folder, or in memory.
 
     Attributes:
         trials: all that were judged, in order.
         present, best: the scenario as it is, and the best recipe, both with fresh seeds; None before that.
     """
 
-    def __init__(self, space: Space, aim: Aim, budget: Budget, sampler: Sampler, bench: Bench) -> None:
-        self._space, self._aim, self._budget, self._sampler, self._bench = space, aim, budget, sampler, bench
+    def __init__(self, space: Space, aim: Aim, budget: Budget, sampler: Sampler, runner: Runner) -> None:
+        self._space, self._aim, self._budget, self._sampler, self._runner = space, aim, budget, sampler, runner
         self._began = time.monotonic()
         self.trials: list[Trial] = []
         self.present: Checked | None = None
@@ -104,21 +104,21 @@ class SearchRun:
         Raises:
             InputError: Optuna is not installed, the sampler does not suit the space, or there is no such measure.
         """
-        folder, stop = self._bench.folder, self._bench.stop
+        folder, stop = self._runner.folder, self._runner.work.stop
         proposals = Proposals(folder / LOG if folder else None, self._space, self._aim, self._sampler, starts)
         while len(self.trials) < self._budget.trials and self._spent() < 1.0 and not stop.is_set():
             size = GENERATION if self.trials or self._space.present is None else 1
             size = min(size, self._budget.trials - len(self.trials))
             trials = [self._trial(number, point) for number, point in proposals.next(size)]
             if not self.trials and not any(trial.case and trial.case.done for trial in trials):
-                self._bench.say_foreign(len(self._bench.ledger))
+                self._runner.notify_foreign(len(self._runner.ledger))
             if not self._run(trials, self._aim, _best(self.trials, self._aim)):
                 return False
             self.trials += trials
             proposals.tell(trials)
         complete = not stop.is_set() and self._check()
-        if self._bench.progress and complete:
-            self._bench.progress(1.0)
+        if complete:
+            self._runner.work.progress(1.0)
         return complete
 
     def _spent(self) -> float:
@@ -127,13 +127,12 @@ class SearchRun:
         return min(max(seconds, len(self.trials) / self._budget.trials), 1.0)
 
     def _show(self, _: float) -> None:
-        if self._bench.progress:
-            self._bench.progress(TRIALS_SHARE * self._spent())
+        self._runner.work.progress(TRIALS_SHARE * self._spent())
 
     def _case_of(self, scenario: Scenario) -> Case:
         """A scenario with the seeds of it that are done."""
         identity = identity_of(scenario)
-        return Case(scenario, identity, done=self._bench.ledger.seeds_of(identity))
+        return Case(scenario, identity, done=self._runner.ledger.seeds_of(identity))
 
     def _trial(self, number: int, point: Point) -> Trial:
         try:
@@ -143,7 +142,7 @@ class SearchRun:
 
     def _run(self, trials: Sequence[Trial], aim: Aim, best: Trial | None) -> bool:
         """Run the seeds that trials need; returns whether it came to the end."""
-        return self._bench.run(TrialWork([*trials], aim, best, self._bench.ledger.add), self._show)
+        return self._runner.run(TrialTasks([*trials], aim, best, self._runner.ledger.add), self._show)
 
     def _check(self) -> bool:
         """Run the finalists longer, then the best of them and the present recipe with fresh seeds; whether all was."""
