@@ -26,6 +26,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.bounces import expected_interval, seed_flights
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 
 SCENARIO = Path(__file__).parents[1] / "scenarios/ball_558hz.toml"
@@ -74,7 +75,7 @@ def scenario_at(frequency: float, amplitude: float, seeds: int, intervals: int) 
 
 def seed_heights(scenario: Scenario) -> Statistic:
     """Over the mean heights of the seeds [mm]."""
-    result = simulate(scenario, workers=1)
+    result = simulate(scenario, work=Work(1))
     hops = seed_flights(result.scene, [seed.impacts for seed in result.seeds])
     return Statistic.of(1e3 * float(seed.height.mean()) for seed in hops if len(seed.height))
 

@@ -9,7 +9,6 @@ import argparse
 from pathlib import Path
 
 from feeder_sim.part.mesh_part import mesh_part
-from feeder_sim.run.simulation import available_cores
 from feeder_sim.scenario import Contact
 from feeder_sim.studies.drops import drop
 
@@ -25,7 +24,7 @@ def main() -> None:
     print(f"error (um)  corners  poses: centre (mm) and share of {drops} drops")
     for error in ERRORS_UM:
         part = mesh_part(SCREW, 1.0, STEEL, "screw", corner_error=1e-6 * error)
-        study = drop(part, drops, contact=Contact(), workers=available_cores())
+        study = drop(part, drops, contact=Contact())
         poses = ", ".join(f"{s.pose.name} {1e3 * s.pose.height:.3f}, {100 * s.value:.0f} %" for s in study.shares)
         print(f"{error:>10}  {len(part.corners):>7}  {poses}", flush=True)
 

@@ -31,6 +31,7 @@ from drift_map_errors import (
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import empty_figure
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Drive, Scenario, Strip, load_scenario
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map
@@ -109,7 +110,9 @@ def the_map(path: Path, seeds: int) -> DriftMap:
     nut = scenario("drift_4750hz")
     if path.exists():
         return load_map(path, nut, 3e-3)
-    drift_map = make_map(nut, Strip(thickness_mm=3.0), seeds=seeds, progress=lambda x: print(f"\r{x:.0%}", end=""))
+    drift_map = make_map(
+        nut, Strip(thickness_mm=3.0), seeds=seeds, work=Work(progress=lambda x: print(f"\r{x:.0%}", end=""))
+    )
     save_map(drift_map, path)
     print(f"\rmade of {drift_map.simulated_s:.0f} simulated s in {drift_map.processor_s:.0f} s of processor time")
     return drift_map

@@ -25,7 +25,6 @@ import numpy as np
 from feeder_sim.part.mesh_part import mesh_part
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.solids import cylinder, hex_nut
-from feeder_sim.run.simulation import available_cores
 from feeder_sim.scenario import Contact
 from feeder_sim.studies.drops import ENGINES, drop
 
@@ -56,7 +55,7 @@ def compare_engines(drops: int, seed: int, friction: float) -> bool:
         studies, seconds = [], []
         for engine in ENGINES:
             began = time.perf_counter()
-            studies.append(drop(part, drops, contact=contact, engine=engine, seed=seed, workers=available_cores()))
+            studies.append(drop(part, drops, contact=contact, engine=engine, seed=seed))
             seconds.append(time.perf_counter() - began)
         for one, other in zip(studies[0].shares, studies[1].shares, strict=True):
             together = math.hypot(one.standard_error, other.standard_error)
@@ -85,7 +84,7 @@ def coins(drops: int, seed: int) -> None:
         part = cylinder(ACROSS, ratio * ACROSS, STEEL, "coin")
         line = f"{ratio:<6g}  {ratio / math.hypot(1.0, ratio):>8.3f}"
         for restitution in RESTITUTIONS:
-            study = drop(part, drops, contact=Contact(restitution=restitution), seed=seed, workers=available_cores())
+            study = drop(part, drops, contact=Contact(restitution=restitution), seed=seed)
             (side,) = (share for share in study.shares if np.abs(share.pose.down[0][2]) < 0.5)
             line += f"  {side.value:.3f} +- {side.standard_error:.3f}"
         print(line, flush=True)

@@ -17,7 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.simulation import available_cores, simulate
+from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work, available_cores
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -28,7 +29,7 @@ LEAST_EFFICIENCY = 0.7  # two cores of a shared machine are less than twice one
 
 def cost(scenario: Scenario) -> float:
     """Wall time per simulated second on one core."""
-    result = simulate(scenario, workers=1)
+    result = simulate(scenario, work=Work(1))
     return result.wall_s / sum(float(frames.time[-1]) for frames in result.trajectories)
 
 
@@ -50,7 +51,7 @@ def efficiency(run: Callable[..., object]) -> float:
         times = []
         for workers in (1, available_cores()):
             began = time.perf_counter()
-            run(workers=workers)
+            run(work=Work(workers))
             times.append(time.perf_counter() - began)
         found.append(times[0] / times[1] / available_cores())
     return statistics.median(found)

@@ -31,6 +31,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.bounces import LEAST_INTERVAL, batched, settling_time
 from feeder_sim.records.seed import Seed
 from feeder_sim.run.simulation import Result, simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, Tube, load_scenario, with_run
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -109,7 +110,7 @@ def main(
         whole: dict[float, float] = {}
         vertical: dict[float, float] = {}
         for name, guide in GUIDES.items():
-            result = simulate(variant(frequency, guide, seeds=seeds, duration_s=duration), workers=1)
+            result = simulate(variant(frequency, guide, seeds=seeds, duration_s=duration), work=Work(1))
             measured, after = result.measures(), settling_time(result.scene)
             interval, height = measured["bounce_interval_ms"], measured["flight_height_mm"]
             each = [hop_energies(result, seed) for seed in result.seeds]

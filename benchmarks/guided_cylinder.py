@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, Slide, Tube, load_scenario, with_run
 
 SCENARIO = Path(__file__).parents[1] / "scenarios/cylinder_558hz.toml"
@@ -54,7 +55,7 @@ def main(
         for name, guide in GUIDES.items():
             scenario = variant(base, amplitude, guide, **run)
             simulate(with_run(scenario, duration_s=0.1, seeds=1))  # compiled
-            found = simulate(scenario, workers=1).summary()
+            found = simulate(scenario, work=Work(1)).summary()
             cost = found["wall_s_per_simulated_s_one_core"]
             slide = slide or cost
             interval, height = found["bounce_interval_ms"], found["flight_height_mm"]

@@ -44,6 +44,7 @@ from feeder_sim.plate.pairs import APART, LEAST_MOVED, MOVES, ON_LINE, POINTS, T
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.response import hop_height, rank_modes
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scenario.tables import validated
 
@@ -267,7 +268,7 @@ def print_picks(
     print(f"\n{NUTS} nuts, {CYCLES} cycles, {options.seeds} seeds, mean +- SE\n")
     print("| pair | modes | picked | lost |\n|---|---|---|---|")
     for name, pair in pairs:
-        result = simulate(scenario_of(pair, modes, velocity, options.seeds), workers=options.workers)
+        result = simulate(scenario_of(pair, modes, velocity, options.seeds), work=Work(options.workers))
         measures = result.measures()
         cells = " | ".join(f"{m['mean']:.1f} +- {m['se'] or 0.0:.1f}" for m in (measures["picked"], measures["lost"]))
         print(f"| {name} | {pair[0] + 1}, {pair[1] + 1} | {cells} |", flush=True)

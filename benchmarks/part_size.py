@@ -29,6 +29,7 @@ import typer
 from feeder_sim.measures.picking import picks_of
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.simulation import Result, simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scenario.tables import validated
 
@@ -106,7 +107,7 @@ def drifted(name: str, like: str | None, ratio: float, seeds: int) -> Drifted:
             part=[{**nut(ratio * wave), "start": start}],
             run={"seeds": seeds},
         ),
-        workers=1,
+        work=Work(1),
     )
     measured = result.measures()
     return Drifted(ratio, measured["arrived"], Statistic(**measured["transport_speed_mm_s"]), net_speed(result))
@@ -155,7 +156,7 @@ def picked(size_mm: float, wave_mm: float, seeds: int) -> Picked:
             part=[{**nut(size_mm), "count": ROWS**2, "start": start}],
             run={"seeds": seeds},
         ),
-        workers=1,
+        work=Work(1),
     )
     found = result.measures()
     at_once = Statistic.of(seed_picks(result, cycle=1))

@@ -24,6 +24,7 @@ from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import generators, simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.prepared import Prepared
@@ -64,7 +65,7 @@ def compare(scenario: Scenario) -> None:
         prepared = prepare(with_run(scenario, reaction=reaction))
         compile_engine(prepared)
         started = time.process_time()
-        result = simulate(prepared, workers=1)
+        result = simulate(prepared, work=Work(1))
         simulated = sum(float(seed.frames.time[-1]) for seed in result.seeds)
         cost = 1e3 * (time.process_time() - started) / simulated
         found = result.measures()

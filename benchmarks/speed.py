@@ -19,6 +19,7 @@ from pathlib import Path
 
 from feeder_sim.run.run_folder import scenario_toml
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -36,7 +37,7 @@ def step_cost(scenario: Scenario) -> float:
     """Wall time per simulated second on one core."""
     simulate(scenario)  # compiled and cached
     return statistics.median(
-        simulate(scenario, workers=1).summary()["wall_s_per_simulated_s_one_core"] for _ in range(REPEATS)
+        simulate(scenario, work=Work(1)).summary()["wall_s_per_simulated_s_one_core"] for _ in range(REPEATS)
     )
 
 

@@ -39,7 +39,7 @@ STEPS = {
     "engine": ("from feeder_sim.run import run_folder", "import feeder_sim.engines.impulse.free_part.engine"),
     "parts and their poses": ("made = prepare.prepare(scenario)", "made.scene.poses"),
     "machine code": ("from feeder_sim.run.compilation import compile_engine", "compile_engine(made)"),
-    "all seeds": ("result = run_folder.run_ensemble(made)",),
+    "all seeds": ("result = run_folder.simulate(made)",),
     "files": ("import tempfile", "f = tempfile.mkdtemp()", "run_folder.record_run(scenario, f + '/r', replay=False)"),
 }
 

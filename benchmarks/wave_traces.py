@@ -30,6 +30,7 @@ from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.wave import Track, Wave
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import build_scene
@@ -211,7 +212,7 @@ def print_speeds(cells: Cells, options: argparse.Namespace) -> None:
     for amplitude in options.amplitudes:
         for phase in options.phases:
             scenario = scenario_of(options.scenario, amplitude, phase, options.seeds)
-            result = simulate(scenario, workers=options.workers)
+            result = simulate(scenario, work=Work(options.workers))
             both = [Statistic.of(speeds(cells, frames, sense) for frames in result.trajectories) for sense in (1, -1)]
             cols = " | ".join(f"{s.mean:+.3f} +- {s.se or math.nan:.3f}" for s in both)
             print(f"| {amplitude:g} | {phase:+g} | {cols} |", flush=True)

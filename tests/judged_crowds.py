@@ -43,6 +43,7 @@ from feeder_sim.engines.impulse.window import CALM
 from feeder_sim.errors import InputError
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import Scene, build_scene
@@ -305,7 +306,7 @@ def _refilled(raw: Raw, name: str) -> Finding | None:
     But for what it swung by, at most, when they were laid to rest: they are taken up to that when it is driven again.
     """
     try:
-        result = simulate(validated(raw, Scenario, Path(name)), workers=1, stall_after=STALL_AFTER)
+        result = simulate(validated(raw, Scenario, Path(name)), work=Work(1, stall_after=STALL_AFTER))
     except InputError:
         return None
     made, seed, gains = result.scene, result.seeds[0], [0.0]

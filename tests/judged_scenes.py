@@ -23,6 +23,7 @@ from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.records.seed import Counts
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import Scene
@@ -98,7 +99,7 @@ def looked_at(raw: Raw, name: str, more: Callable[[Scene, Frames], list[str]] = 
     """Run a scene by the name of a file; more: looks for further faults."""
     try:
         scenario = validated(raw, Scenario, Path(f"{name.replace('/', '_')}.toml"))
-        result = simulate(scenario, workers=1, stall_after=STALL_AFTER)
+        result = simulate(scenario, work=Work(1, stall_after=STALL_AFTER))
     except InputError:
         return None
     seed_result, faults = result.seeds[0], [failure.cause for failure in result.failures]

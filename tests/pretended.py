@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.jobs.task import SeedValues, Task
-from feeder_sim.jobs.workers import given_workers
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.ask import ask, folder_of
 from feeder_sim.studies.question import Question
@@ -72,5 +72,6 @@ def asked(
     stop: threading.Event | None = None,
 ) -> Any:
     """The answer to a question, in a folder or in none."""
+    work = Work(2, executor, stop=stop or threading.Event())
     home = folder_of(question, scenario, folder, share=share) if folder else None
-    return ask(question, scenario, given_workers(executor, 2), home, share=share, stop=stop)
+    return ask(question, scenario, home, share=share, work=work)

@@ -10,7 +10,7 @@ import numpy as np
 import pretended
 from conftest import strip_scenario
 
-from feeder_sim.jobs.runner import Bench
+from feeder_sim.jobs.runner import Runner
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.cases import CasesPlan
@@ -43,5 +43,5 @@ def plan_of(question: SweepQuestion, executor: pretended.Pretended | None = None
     """The cases of a nut of four seeds; run, where there is somebody to run them."""
     plan = question.plan(strip_scenario(seeds=4), Path("scenario"))
     if executor is not None:
-        assert plan.run(Bench(Workers(executor, 2)))
+        assert plan.run(Runner(Workers(executor, 2)))
     return plan

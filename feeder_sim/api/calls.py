@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.api.progress import Progress, progress_bar
+from feeder_sim.api.progress import Progress, displayed
 from feeder_sim.api.result import Result
-from feeder_sim.errors import check_whole, path_of_user
+from feeder_sim.errors import path_of_user
 from feeder_sim.measures.function import Function, as_measures
 from feeder_sim.measures.protocol import Measure
-from feeder_sim.run import batch, run_folder
+from feeder_sim.run import run_folder, simulation
+from feeder_sim.run.batch import measure_drift as measure_drift
 from feeder_sim.run.keep import AllFrames, Retention
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.simulation import run_ensemble
-from feeder_sim.run.watchdog import STALL_AFTER_S, checked_patience
+from feeder_sim.run.watchdog import STALL_AFTER_S
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.studies.compare import Comparison, measured_run
@@ -40,17 +41,11 @@ def compare(first: str | Path, second: str | Path, *, progress: Progress = None)
         InputError: a run cannot be read, or a file that its scenario reads is missing or no longer the same.
     """
     paths = path_of_user(first, "first"), path_of_user(second, "second")
-    with progress_bar(progress, "compare") as (show, _):
-
-        def of_run(number: int, share: float) -> None:
-            if show:
-                show(0.5 * (number + share))
-
-        runs = [
-            measured_run(path, lambda share, number=number: of_run(number, share))  # type: ignore[misc]
-            for number, path in enumerate(paths)
-        ]
-    return Comparison(*runs)
+    with displayed(Work(), progress, "compare") as work:
+        return Comparison(
+            measured_run(paths[0], lambda share: work.progress(0.5 * share)),
+            measured_run(paths[1], lambda share: work.progress(0.5 + 0.5 * share)),
+        )
 
 
 def simulate(
@@ -86,14 +81,11 @@ def simulate(
         InputError: the scenario cannot be built, its start does not suit its stop rule, what is to be kept is not
             recorded in it, or a measure fails.
     """
-    if workers is not None:
-        check_whole(workers, "workers")
+    given = Work(workers, executor, stop=stop or threading.Event(), stall_after=stall_after)
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     prepared = replace(prepared, measures=as_measures(measures)) if measures else prepared
-    how: dict[str, Any] = {"record": record, "stall_after": checked_patience(stall_after), "executor": executor}
-    with progress_bar(progress, prepared.scenario.title) as (show, notify):
-        result = run_ensemble(prepared, workers=workers, progress=show, stop=stop, notify=notify, **how)
-    return Result.of(result)
+    with displayed(given, progress, prepared.scenario.title) as work:
+        return Result.of(simulation.simulate(prepared, record=record, work=work))
 
 
 def record_run(
@@ -130,35 +122,6 @@ def record_run(
     """
     check_scenario(scenario)
     path = path_of_user(folder, "folder")
-    if workers is not None:
-        check_whole(workers, "workers")
-    how: dict[str, Any] = {"record": record, "replay": replay, "stall_after": checked_patience(stall_after)}
-    how |= {"workers": workers, "executor": executor}
-    with progress_bar(progress, scenario.title) as (show, notify):
-        result = run_folder.record_run(scenario, path, progress=show, stop=stop, notify=notify, **how)
-    return Result.of(result)
-
-
-def measure_drift(
-    scenarios: Iterable[Scenario | Prepared],
-    *,
-    workers: int | None = None,
-    progress: Callable[[int], None] | None = None,
-    stop: threading.Event | None = None,
-) -> list[batch.Ensemble]:
-    """Run all seeds of many scenarios and measure their drift.
-
-    Every seed is the same seed of `simulate`; its frames are dropped as soon as they are measured. Inputs that are
-    `[uncertain]` have the values of the scenario.
-
-    Args:
-        scenarios: each without a schedule. They are prepared one by one while others run.
-        workers: threads. Default: all cores.
-        progress: called with the number of ensembles done, from this thread.
-        stop: set it to end within a second; ensembles that have not ended then are left out, and those that have ended
-            after them.
-
-    Raises:
-        InputError: a scenario cannot be built, or has a schedule.
-    """
-    return batch.measure_drift(scenarios, workers=workers, progress=progress, stop=stop)
+    given = Work(workers, executor, stop=stop or threading.Event(), stall_after=stall_after)
+    with displayed(given, progress, scenario.title) as work:
+        return Result.of(run_folder.record_run(scenario, path, replay=replay, record=record, work=work))

@@ -6,27 +6,27 @@ import contextlib
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 from feeder_sim.errors import NotAllowed, printable, shortened
+from feeder_sim.run.work import Work, silent
 
-Show = Callable[[float], None]
-Notify = Callable[[str], None]
-Progress = Show | bool | None
+Progress = Callable[[float], None] | bool | None
 CELLS, LONGEST_TITLE = 24, 40
 REDRAW_S = 0.2  # [s] between two looks of the bar
 
 
 @contextlib.contextmanager
-def progress_bar(progress: Progress, title: str) -> Iterator[tuple[Show | None, Notify | None]]:
-    """What a run is to call with the fraction done, and with what takes long; nothing where nobody wants to know."""
+def displayed(work: Work, progress: Progress, title: str) -> Iterator[Work]:
+    """The work, with what a user of Python gives as progress: True is a bar, None shows nothing."""
     if progress and progress is not True and not callable(progress):
         raise NotAllowed(progress, "True, or a function of the fraction done", key="progress")
     if progress is not True:
-        yield progress or None, None
+        yield replace(work, progress=progress or silent)
         return
     bar = _Bar(shortened(printable(title), LONGEST_TITLE) or "simulate")
     try:
-        yield bar.show, bar.notify
+        yield replace(work, progress=bar.show, notify=bar.notify)
     finally:
         bar.close()
 

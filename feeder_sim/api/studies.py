@@ -8,11 +8,11 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, cast
 
-from feeder_sim.api.progress import Progress, progress_bar
-from feeder_sim.errors import check_type, check_whole, path_of_user
-from feeder_sim.jobs.workers import given_workers, local_workers
+from feeder_sim.api.progress import Progress, displayed
+from feeder_sim.errors import check_type, path_of_user
 from feeder_sim.measures.function import Function, as_measures
 from feeder_sim.measures.protocol import Measure
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.ask import ask, folder_of
 from feeder_sim.studies.chart.chart import Chart, ChartQuestion
@@ -73,8 +73,9 @@ def sweep(
     check_type(vary, Mapping, "a dictionary of values by key", "vary")
     effort: dict[str, Any] = {"seeds": seeds, "until_se": until_se, "most_seeds": most_seeds, "inputs": inputs}
     check_scenario(scenario)
+    work = Work(workers, executor, stop=stop or threading.Event())
     question = SweepQuestion.of(vary=axis_texts(vary), zip=zip, sobol=sobol, measure=measure, **effort)
-    return cast("Sweep", _study_of(question, scenario, workers, executor, out, progress, stop, measures))
+    return cast("Sweep", _study_of(question, scenario, work, out, progress, measures))
 
 
 def uncertainty(
@@ -114,8 +115,9 @@ def uncertainty(
         RecordingFailed: the folder cannot be written.
     """
     check_scenario(scenario)
+    work = Work(workers, executor, stop=stop or threading.Event())
     question = UncertaintyQuestion.of(inputs=inputs, seeds=seeds, indices=indices, measure=measure)
-    return cast("Uncertainty", _study_of(question, scenario, workers, executor, out, progress, stop, measures))
+    return cast("Uncertainty", _study_of(question, scenario, work, out, progress, measures))
 
 
 def optimise(
@@ -173,8 +175,9 @@ def optimise(
     aims: dict[str, Any] = {"maximise": maximise, "minimise": minimise, "seeds": seeds, "check_seeds": check_seeds}
     screened = path_of_user(screen, "screen") if screen is not None else None
     effort: dict[str, Any] = {"trials": trials, "budget_s": budget_s, "screen": screened, "recipes": recipes}
+    work = Work(workers, executor, stop=stop or threading.Event())
     question = OptimiseQuestion.of(over=axis_texts(over), sampler=sampler, **aims, **effort)
-    return cast("Search", _study_of(question, scenario, workers, executor, out, progress, stop, measures))
+    return cast("Search", _study_of(question, scenario, work, out, progress, measures))
 
 
 def speed_map(
@@ -211,8 +214,9 @@ def speed_map(
     """
     check_scenario(scenario)
     texts = axis_texts({"frequencies_hz": frequencies_hz, "amplitudes_um": amplitudes_um})
+    work = Work(workers, executor, stop=stop or threading.Event())
     question = MapQuestion.of(**dict(text.split("=", 1) for text in texts), seeds=seeds)
-    return cast("SpeedMap", _study_of(question, scenario, workers, executor, out, progress, stop))
+    return cast("SpeedMap", _study_of(question, scenario, work, out, progress))
 
 
 def chart(
@@ -252,24 +256,19 @@ def chart(
     """
     check_scenario(scenario)
     methods = None if method is None else [method] if isinstance(method, str) else list(method)
+    work = Work(workers, executor, stop=stop or threading.Event())
     question = ChartQuestion.of(measure=measure, method=methods, seeds=seeds, within=within, known=known)
-    return cast("Chart", _study_of(question, scenario, workers, executor, out, progress, stop))
+    return cast("Chart", _study_of(question, scenario, work, out, progress))
 
 
 def _study_of(
     question: Question,
     scenario: Scenario,
-    workers: int | None,
-    executor: Executor | None,
+    work: Work,
     out: str | Path | None,
     progress: Progress,
-    stop: threading.Event | None,
     measures: Iterable[Function | Measure[Any, Any]] = (),
 ) -> Study:
-    if workers is not None:
-        check_whole(workers, "workers")
     folder = folder_of(question, scenario, path_of_user(out, "out")) if out is not None else None
-    pool = given_workers(executor, workers) if executor else local_workers(workers)
-    with progress_bar(progress, scenario.title or question.kind) as (show, notify):
-        added = as_measures(measures)
-        return ask(question, scenario, pool, folder, stop=stop, progress=show, notify=notify, measures=added)
+    with displayed(work, progress, scenario.title or question.kind) as work:
+        return ask(question, scenario, folder, measures=as_measures(measures), work=work)

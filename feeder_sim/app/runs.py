@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import signal
-import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -88,20 +87,16 @@ class Runs:
 
 def _compute(text: str, file: Path, folder: Path, pipe: Any) -> None:
     from feeder_sim.run.run_folder import record_run
+    from feeder_sim.run.work import Work
     from feeder_sim.scenario import parse_scenario
 
-    stop = threading.Event()
-    signal.signal(signal.SIGTERM, lambda *_: stop.set())
+    work = Work(
+        progress=lambda fraction: pipe.send(("progress", fraction)), notify=lambda line: pipe.send(("said", line))
+    )
+    signal.signal(signal.SIGTERM, lambda *_: work.stop.set())
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        result = record_run(
-            parse_scenario(text, file=file),
-            folder,
-            progress=lambda fraction: pipe.send(("progress", fraction)),
-            notify=lambda line: pipe.send(("said", line)),
-            stop=stop,
-            replay=False,
-        )
+        result = record_run(parse_scenario(text, file=file), folder, replay=False, work=work)
         failures = [str(failure) for failure in result.failures]
         pipe.send(("stopped" if result.interrupted else "failed" if failures else "done", [*failures, *result.lines()]))
     except FeederSimError as error:

@@ -19,7 +19,7 @@ from feeder_sim.cli.files import (
     scenario_of,
     writable,
 )
-from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
+from feeder_sim.cli.terminal import at_terminal, notify
 from feeder_sim.errors import InputError, printable
 
 SEEDS = 1000
@@ -41,20 +41,16 @@ def drift_map(
         raise InputError(f"is {out.suffix!r}, must be .npz", file=out, key="--out")
     scenario = scenario_of(scenario_file, None, None, seed, settings)
     with file_in_errors(scenario_file):
-        from feeder_sim.jobs.workers import seed_workers
         from feeder_sim.run.prepare import ignored_uncertainty
+        from feeder_sim.run.work import Work
         from feeder_sim.studies.drift_map.files import save_map
         from feeder_sim.studies.drift_map.making import make_map, strip_of
 
         strip = strip_of(scenario)
         for warning in ignored_uncertainty(scenario):
             notify(f"warning: {warning}")
-        with (
-            stop_on_signal() as stop,
-            progress_bar(scenario_file.stem, stop) as progress,
-            seed_workers(workers, dask) as who,
-        ):
-            new_map = make_map(scenario, strip, seeds=seeds, progress=progress, stop=stop, notify=notify, **who)
+        with at_terminal(Work(workers), scenario_file.stem, dask) as work:
+            new_map = make_map(scenario, strip, seeds=seeds, work=work)
         save_map(new_map, out)
     facts = {"file": str(out), "simulated_s": new_map.simulated_s, "processor_s": new_map.processor_s}
     if as_json:

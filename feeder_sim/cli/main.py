@@ -10,7 +10,7 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -46,7 +46,7 @@ from feeder_sim.cli.report_page import report
 from feeder_sim.cli.response import response
 from feeder_sim.cli.schema import schema
 from feeder_sim.cli.study import merge
-from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
+from feeder_sim.cli.terminal import at_terminal, progress_bar
 from feeder_sim.cli.uncertainty import (
     DRAWS,
     SEEDS,
@@ -121,11 +121,11 @@ def run(
     ] = False,
 ) -> None:
     """Simulate a scenario and record it, or go on with a run that was interrupted."""
-    from feeder_sim.jobs.workers import seed_workers
-    from feeder_sim.run.watchdog import STALL_AFTER_S, checked_patience
+    from feeder_sim.run.watchdog import STALL_AFTER_S
+    from feeder_sim.run.work import Work
 
     with options_in_errors():
-        patience = checked_patience(STALL_AFTER_S if stall_after is None else stall_after)
+        given = Work(workers, stall_after=STALL_AFTER_S if stall_after is None else stall_after)
     if resume is not None:
         extra = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--set": settings}
         extra |= {"--out": out}
@@ -141,10 +141,8 @@ def run(
         if is_uncertainty_pending(resume):
             go_on_uncertain(resume, draws, as_json)
             return
-        with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress, seed_workers(workers, dask) as who:
-            how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "stall_after": patience}
-            how["replay"] = replay_too
-            result = resume_run(resume, **how, **who)
+        with at_terminal(given, str(resume), dask) as work:
+            result = resume_run(resume, replay=replay_too, work=work)
         _finish_run(result, resume, as_json, draws)
         return
     if scenario_file is None:
@@ -160,11 +158,8 @@ def run(
             return
         folder = out or fresh_folder(scenario_file.stem)
         try:
-            title = scenario.title or scenario_file.stem
-            with stop_on_signal() as stop, progress_bar(title, stop) as progress, seed_workers(workers, dask) as who:
-                how = {"progress": progress, "stop": stop, "notify": notify, "stall_after": patience}
-                how["replay"] = replay_too
-                result = record_run(scenario, folder, **how, **who)
+            with at_terminal(given, scenario.title or scenario_file.stem, dask) as work:
+                result = record_run(scenario, folder, replay=replay_too, work=work)
         except BaseException:
             if out is None:
                 with contextlib.suppress(OSError):  # it holds something

@@ -13,7 +13,7 @@ import typer
 
 from feeder_sim.cli.files import new_picture, writable
 from feeder_sim.cli.report import as_lines, print_rows
-from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
+from feeder_sim.cli.terminal import at_terminal
 from feeder_sim.errors import InputError, printable
 
 if TYPE_CHECKING:
@@ -141,23 +141,13 @@ def _contact(file: Path, engine: str, restitution: float | None, friction: float
 
 def _dropped(body: RigidPart, drops: int, contact: Contact, engine: Any, seed: int) -> DropStudy | None:
     from feeder_sim.part.stable_poses import stable_poses
-    from feeder_sim.run.simulation import available_cores
+    from feeder_sim.run.work import Work
     from feeder_sim.studies.drops import drop
 
     if not stable_poses(body).poses:
         return None
-    with stop_on_signal() as stop, progress_bar(f"{drops} drops of {body.name}", stop) as progress:
-        return drop(
-            body,
-            drops,
-            contact=contact,
-            engine=engine,
-            seed=seed,
-            workers=available_cores(),
-            stop=stop,
-            progress=progress,
-            notify=notify,
-        )
+    with at_terminal(Work(), f"{drops} drops of {body.name}") as work:
+        return drop(body, drops, contact=contact, engine=engine, seed=seed, work=work)
 
 
 def _draw(body: RigidPart, study: DropStudy | None, picture: Path) -> None:

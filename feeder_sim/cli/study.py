@@ -24,7 +24,7 @@ from feeder_sim.cli.files import (
     options_in_errors,
     scenario_of,
 )
-from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
+from feeder_sim.cli.terminal import at_terminal, notify
 from feeder_sim.errors import FeederSimError, InputError, Interrupted, escaped, option_of, printable
 
 if TYPE_CHECKING:
@@ -113,16 +113,14 @@ def study_command(name: str, title: str) -> Any:
     ) -> None:
         scenario, share = scenario_of(scenario_file, engine, None, seed, settings), _task_of(task)
         with file_in_errors(scenario_file):
-            from feeder_sim.jobs import workers as jobs
+            from feeder_sim.run.work import Work
             from feeder_sim.studies.ask import ask, folder_of
 
             read = {name: READERS[name](v) if name in READERS and v is not None else v for name, v in options.items()}
             question = kind.of(**read)
             folder = folder_of(question, scenario, out, name=scenario_file.stem, share=share)
-            with stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
-                reporting: dict[str, Any] = {"stop": stop, "progress": progress, "notify": notify}
-                workers_of = jobs.workers_of(workers, dask)
-                study = ask(question, scenario, workers_of, folder, file=scenario_file, share=share, **reporting)
+            with at_terminal(Work(workers), scenario_file.stem, dask) as work:
+                study = ask(question, scenario, folder, file=scenario_file, share=share, work=work)
             print_study(study, folder.path, as_json)
         finish(study, goes_on="the same command goes on")
 

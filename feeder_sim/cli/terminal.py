@@ -7,8 +7,13 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from feeder_sim.errors import Interrupted, printable
+
+if TYPE_CHECKING:
+    from feeder_sim.run.work import Work
 
 
 class Stop(threading.Event):
@@ -47,6 +52,15 @@ def stop_on_signal() -> Iterator[Stop]:
 def notify(line: str) -> None:
     """Say what takes long, also off a terminal, where there is no progress bar."""
     print(f"feeder-sim: {printable(line)}", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def at_terminal(work: Work, title: str, dask: str | None = None) -> Iterator[Work]:
+    """The work, shown here and ended by Ctrl-C; on the Dask cluster of an address, if one is given."""
+    from feeder_sim.jobs.workers import on_cluster
+
+    with stop_on_signal() as stop, progress_bar(title, stop) as progress, on_cluster(work, dask) as of_cluster:
+        yield replace(of_cluster, stop=stop, progress=progress, notify=notify)
 
 
 @contextlib.contextmanager

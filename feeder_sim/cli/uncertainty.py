@@ -11,7 +11,7 @@ import typer
 
 from feeder_sim.cli.files import options_in_errors
 from feeder_sim.cli.study import finish
-from feeder_sim.cli.terminal import progress_bar, stop_on_signal
+from feeder_sim.cli.terminal import at_terminal
 from feeder_sim.errors import InputError, NotAllowed, printable
 
 if TYPE_CHECKING:
@@ -31,14 +31,14 @@ def run_uncertain(scenario: Scenario, run: Path, inputs: int) -> Study | None:
     """Run the scenario of a run at draws of its uncertain inputs; None where it has none."""
     if not scenario.uncertain:
         return None
-    from feeder_sim.jobs.workers import local_workers
+    from feeder_sim.run.work import Work
     from feeder_sim.studies.ask import ask, folder_of
     from feeder_sim.studies.uncertainty.uncertainty import UncertaintyQuestion
 
     question = UncertaintyQuestion(inputs=inputs, seeds=SEEDS)
-    with options_in_errors(), stop_on_signal() as stop, progress_bar("uncertain inputs", stop) as progress:
+    with options_in_errors(), at_terminal(Work(), "uncertain inputs") as work:
         folder = folder_of(question, scenario, run / FOLDER)
-        return ask(question, scenario, local_workers(), folder, stop=stop, progress=progress)
+        return ask(question, scenario, folder, work=work)
 
 
 def uncertain_lines(study: Study) -> str:

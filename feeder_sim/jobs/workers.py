@@ -8,12 +8,12 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from typing import Any
 
 from feeder_sim.errors import InputError, MissingExtra, quoted
-from feeder_sim.run.simulation import available_cores
+from feeder_sim.run.work import Work, available_cores
 
 CLUSTER_WAIT_S = 30.0  # [s] until a scheduler has to have answered
 LAST_PORT = 65535
@@ -94,19 +94,27 @@ def _live_with(end: Any) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-@contextmanager
-def given_workers(executor: Executor, count: int | None = None) -> Iterator[Workers]:
-    """An executor of the caller's, who also ends it."""
-    yield Workers(executor, count or getattr(executor, "_max_workers", None) or available_cores())
+def workers_of(work: Work) -> AbstractContextManager[Workers]:
+    """The executor of a user, who also ends it, or else processes of this machine; errors as for `local_workers`."""
+    if work.executor is None:
+        return local_workers(work.workers)
+    return nullcontext(Workers(work.executor, work.n_workers, lost=work.lost))
 
 
 @contextmanager
-def dask_workers(address: str) -> Iterator[Workers]:
-    """The workers of a Dask cluster, by the address of its scheduler, such as tcp://host:8786.
+def on_cluster(work: Work, address: str | None) -> Iterator[Work]:
+    """Work that is done on a Dask cluster, by the address of its scheduler; without an address, where it was done.
+
+    Args:
+        work: how it is shown and ended.
+        address: such as tcp://host:8786.
 
     Raises:
         InputError: Dask is not installed, the address is none, or no scheduler answers.
     """
+    if address is None:
+        yield work
+        return
     try:
         from distributed import Client
         from distributed.comm.core import CommClosedError
@@ -119,9 +127,9 @@ def dask_workers(address: str) -> Iterator[Workers]:
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(f"is {address!r}, where no scheduler answers: {error}", key="--dask") from error
     with client:
-        threads = sum(client.nthreads().values())
-        executor = client.get_executor(pure=False, retries=2)
-        yield Workers(executor, max(1, threads), lost=(CancelledError, KilledWorker, CommClosedError))
+        threads = max(1, sum(client.nthreads().values()))
+        executor, lost = client.get_executor(pure=False, retries=2), (CancelledError, KilledWorker, CommClosedError)
+        yield replace(work, workers=threads, executor=executor, lost=lost)
 
 
 def _check_address(address: str) -> None:
@@ -139,20 +147,3 @@ def _check_address(address: str) -> None:
     except ValueError as error:
         problem = f"is {quoted(address)}, must be an address such as tcp://host:8786 ({error})"
         raise InputError(problem, key="--dask") from error
-
-
-@contextmanager
-def workers_of(count: int | None, dask: str | None) -> Iterator[Workers]:
-    """Those of the command line: of a Dask cluster where an address is given, else processes of this machine."""
-    with local_workers(count) if dask is None else dask_workers(dask) as workers:
-        yield workers
-
-
-@contextmanager
-def seed_workers(count: int | None, dask: str | None) -> Iterator[dict[str, Any]]:
-    """Who runs the seeds of one scenario, as arguments of `run_ensemble`: a Dask cluster, else threads."""
-    if dask is None:
-        yield {"workers": count}
-        return
-    with dask_workers(dask) as workers:
-        yield {"workers": workers.count, "executor": workers.executor}

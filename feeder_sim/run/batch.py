@@ -19,10 +19,11 @@ from feeder_sim.measures.drift import Drift, DriftFindings, SeedDrift
 from feeder_sim.measures.protocol import SeedReader
 from feeder_sim.notebook import block
 from feeder_sim.records.seed import Status, endings
-from feeder_sim.run.compilation import compilation_announced, compile_engine
+from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.seed_run import SeedRun
-from feeder_sim.run.simulation import available_cores, generators
+from feeder_sim.run.simulation import generators
+from feeder_sim.run.work import available_cores
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.single_thread import single_threaded
@@ -67,16 +68,18 @@ def measure_drift(
     workers: int | None = None,
     progress: Callable[[int], None] | None = None,
     stop: threading.Event | None = None,
-    notify: Callable[[str], None] | None = None,
 ) -> list[Ensemble]:
-    """Run all seeds of many scenarios and measure their drift; see `feeder_sim.measure_drift`.
+    """Run all seeds of many scenarios and measure their drift.
+
+    Every seed is the same seed of `simulate`; its frames are dropped as soon as they are measured. Inputs that are
+    `[uncertain]` have the values of the scenario.
 
     Args:
-        scenarios: what to run.
+        scenarios: each without a schedule. They are prepared one by one while others run.
         workers: threads. Default: all cores.
         progress: called with the number of ensembles done, from this thread.
-        stop: set it to end within a second.
-        notify: takes a line for the user, such as that the engine is being compiled.
+        stop: set it to end within a second; ensembles that have not ended then are left out, and those that have ended
+            after them.
 
     Raises:
         InputError: a scenario cannot be built, or has a schedule.
@@ -100,8 +103,7 @@ def measure_drift(
                 prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
                 check_drifting(prepared)
                 if not completed and not running:
-                    with compilation_announced(prepared.engine.method, notify):
-                        compile_engine(prepared)
+                    compile_engine(prepared)
                 running.append(_RunningEnsemble(prepared, pool, stop))
                 while len(running) > AHEAD * cores and not stop.is_set():
                     collect_first()

@@ -59,13 +59,13 @@ def in_daemon_thread(function: Callable[[], None]) -> None:
 
 
 @contextlib.contextmanager
-def compilation_announced(method: str, notify: Callable[[str], None] | None) -> Iterator[None]:
+def compilation_announced(method: str, notify: Callable[[str], None]) -> Iterator[None]:
     """Tell the user that an engine is being compiled, if it takes long, and which share of the time is over."""
     compiled_before, over = COMPILED[0], threading.Event()
     expected = FUNCTIONS.get(method, 250)
 
     def tell() -> None:
-        if notify is None or over.wait(ANNOUNCED_S):
+        if over.wait(ANNOUNCED_S):
             return
         while COMPILED[0] == compiled_before:  # what takes long is something else
             if over.wait(ANNOUNCED_S):
@@ -103,9 +103,9 @@ def time_share(functions: float, last: float, elapsed: float) -> float:
 
 
 @contextlib.contextmanager
-def announced(line: str, notify: Callable[[str], None] | None) -> Iterator[None]:
+def announced(line: str, notify: Callable[[str], None]) -> Iterator[None]:
     """Tell the user what is being done, if it takes long."""
-    note = threading.Timer(ANNOUNCED_S, lambda: notify and notify(line))
+    note = threading.Timer(ANNOUNCED_S, notify, (line,))
     note.start()
     try:
         yield

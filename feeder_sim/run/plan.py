@@ -27,7 +27,7 @@ from feeder_sim.replay.plate import POINTS
 from feeder_sim.replay.seed_view import PERIODS, PICTURES
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import recommendations
-from feeder_sim.run.simulation import available_cores
+from feeder_sim.run.work import available_cores
 from feeder_sim.scenario import PartSpec, input_files
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.prepared import Prepared

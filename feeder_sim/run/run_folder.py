@@ -7,11 +7,8 @@ import hashlib
 import itertools
 import json
 import re
-import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,8 +26,8 @@ from feeder_sim.run.keep import AllFrames, Retention, check_retention
 from feeder_sim.run.prepare import ignored_uncertainty, prepare
 from feeder_sim.run.provenance import check_inputs, check_libraries, input_hashes, library_versions
 from feeder_sim.run.recorder import Recorder
-from feeder_sim.run.simulation import Result, check_starts, run_ensemble
-from feeder_sim.run.watchdog import STALL_AFTER_S
+from feeder_sim.run.simulation import Result, check_starts, simulate
+from feeder_sim.run.work import Work, silent
 from feeder_sim.scenario import Scenario, input_files, load_scenario, parse_scenario, with_files
 from feeder_sim.scenario.rules import complaints
 from feeder_sim.scene.prepared import Prepared
@@ -90,7 +87,7 @@ def copy_files(names: Mapping[Path, str], folder: Path) -> None:
         write_whole(folder / name, _read(path))
 
 
-def carry_files(scenario: Scenario, run: Path, notify: Callable[[str], None] | None = None) -> Scenario:
+def carry_files(scenario: Scenario, run: Path, notify: Callable[[str], None] = silent) -> Scenario:
     """Copy the files that a scenario reads into a run folder; returns the scenario with the names of the copies.
 
     Names are relative to the run folder. A file above `LARGEST_CARRIED` keeps its own, which is said by `notify`.
@@ -99,9 +96,8 @@ def carry_files(scenario: Scenario, run: Path, notify: Callable[[str], None] | N
         RecordingFailed, InputError: as for `copy_files` and `carried_names`.
     """
     names = carried_names(scenario)
-    if notify:
-        for path in sorted(set(input_files(scenario).values()) - names.keys()):
-            notify(f"{path} is too large to be copied into {run}, which needs it where it is")
+    for path in sorted(set(input_files(scenario).values()) - names.keys()):
+        notify(f"{path} is too large to be copied into {run}, which needs it where it is")
     copy_files(names, run / INPUTS)
     return with_files(scenario, lambda path: Path(INPUTS, names[path]) if path in names else path.absolute())
 
@@ -125,41 +121,29 @@ def record_run(
     scenario: Scenario,
     folder: str | Path,
     *,
-    progress: Callable[[float], None] | None = None,
-    stop: threading.Event | None = None,
     replay: bool = True,
     record: Retention = AllFrames(),  # noqa: B008, it cannot be changed
-    notify: Callable[[str], None] | None = None,
-    stall_after: float = STALL_AFTER_S,
-    workers: int | None = None,
-    executor: Executor | None = None,
+    work: Work | None = None,
 ) -> Result:
     """Simulate a scenario and write everything about it into `folder`, with the files that it reads.
 
     Args:
         scenario: what to run.
         folder: made if missing; it must be empty.
-        progress: as for `simulate`.
-        stop: as for `simulate`.
         replay: also build the .rrd from the finished trajectory file.
         record: what the result keeps of each seed in memory; the folder always holds all frames.
-        notify: takes a line for the user, such as that the engine is being compiled.
-        stall_after: as for `run_ensemble`.
-        workers: as for `run_ensemble`.
-        executor: as for `run_ensemble`.
+        work: as for `simulate`.
 
     Raises:
         InputError: the scenario cannot be built (nothing is written), or the folder is not empty or in use.
         RecordingFailed: a file cannot be written, as when the disk is full.
     """
-    folder = Path(folder)
+    folder, work = Path(folder), work or Work()
     check_free(folder)
     prepared = prepare(scenario)
     check_retention(prepared, record)
-    check_starts(prepared.scene, notify)
-    how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
-    how |= {"record": record, "stall_after": stall_after, "workers": workers, "executor": executor}
-    return _begin_folder(folder, prepared, {}, **how)
+    check_starts(prepared.scene, work)
+    return _begin_folder(folder, prepared, {}, replay=replay, record=record, work=work)
 
 
 @single_threaded
@@ -173,11 +157,13 @@ def record_ended(scenario: Scenario, folder: Path, ended: Seed, *, replay: bool 
         replay: as for `record_run`.
     """
     check_free(folder)
-    return _begin_folder(folder, prepare(scenario), {0: ended}, wall_s_before=ended.wall_s, replay=replay)
+    return _begin_folder(folder, prepare(scenario), {0: ended}, replay=replay, record=AllFrames(), work=Work())
 
 
-def _begin_folder(folder: Path, prepared: Prepared, ended: Mapping[int, Seed], **how: Any) -> Result:
-    """Run into a folder that is made; `how` as for `_run_into`."""
+def _begin_folder(
+    folder: Path, prepared: Prepared, ended: Mapping[int, Seed], *, replay: bool, record: Retention, work: Work
+) -> Result:
+    """Run into a folder that is made; arguments as for `_run_into`."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -187,30 +173,22 @@ def _begin_folder(folder: Path, prepared: Prepared, ended: Mapping[int, Seed], *
         scenario = scenario_toml(with_files(prepared.scenario, Path.absolute))
         run = {"format": FORMAT, "creator": f"feeder_sim {__version__}", "scenario": scenario}
         write_whole(folder / RUN, f"{json.dumps(run, indent=2)}\n".encode())
-        return _fill_folder(folder, prepared, ended, **how)
+        return _fill_folder(folder, prepared, ended, replay=replay, record=record, work=work)
 
 
-def _fill_folder(folder: Path, prepared: Prepared, ended: Mapping[int, Seed], **how: Any) -> Result:
-    """Write what a run reads, and run; `how` as for `_run_into`."""
-    notify = how.get("notify")
-    text = scenario_toml(carry_files(prepared.scenario, folder, notify))
+def _fill_folder(
+    folder: Path, prepared: Prepared, ended: Mapping[int, Seed], *, replay: bool, record: Retention, work: Work
+) -> Result:
+    """Write what a run reads, and run; arguments as for `_run_into`."""
+    text = scenario_toml(carry_files(prepared.scenario, folder, work.notify))
     write_whole(folder / RESOLVED, text.encode())
-    _write_mjcf(prepared.scene, folder / MJCF, notify)
-    return _run_into(folder, prepared, text, ended, **how)
+    _write_mjcf(prepared.scene, folder / MJCF, work)
+    wall_s = sum(seed.wall_s for seed in ended.values())
+    return _run_into(folder, prepared, text, ended, wall_s_before=wall_s, replay=replay, record=record, work=work)
 
 
 @single_threaded
-def resume_run(
-    folder: str | Path,
-    *,
-    progress: Callable[[float], None] | None = None,
-    stop: threading.Event | None = None,
-    replay: bool = True,
-    notify: Callable[[str], None] | None = None,
-    stall_after: float = STALL_AFTER_S,
-    workers: int | None = None,
-    executor: Executor | None = None,
-) -> Result:
+def resume_run(folder: str | Path, *, replay: bool = True, work: Work | None = None) -> Result:
     """Go on with a run that was interrupted or killed; arguments as for `record_run`.
 
     Seeds that have ended stay; the others run from their start. So the result is bit by bit what it would have been
@@ -221,16 +199,14 @@ def resume_run(
             still running.
         RecordingFailed: as for `record_run`.
     """
-    folder = Path(folder)
+    folder, work = Path(folder), work or Work()
     if not (folder / RUN).is_file():
         raise InputError(f"no run here, must be a folder that holds {RUN}", file=folder, key="--resume")
-    how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
-    how |= {"stall_after": stall_after, "workers": workers, "executor": executor}
     with locked(folder):
         if not (folder / TRAJECTORY).exists():
             prepared = prepare(_started_scenario(folder))
-            check_starts(prepared.scene, notify)
-            return _fill_folder(folder, prepared, {}, **how)
+            check_starts(prepared.scene, work)
+            return _fill_folder(folder, prepared, {}, replay=replay, record=AllFrames(), work=work)
         recording = recording_of(folder)
         if Status.UNFINISHED not in recording.status and (folder / SUMMARY).exists():
             raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
@@ -243,8 +219,17 @@ def resume_run(
             for index, seed in enumerate(recording.records)
             if seed.status != Status.UNFINISHED and (seed.status != Status.DIVERGED or seed.last is not None)
         }
-        how |= {"recorded": folder / TRAJECTORY, "wall_s_before": recording.wall_s}
-        return _run_into(folder, prepare(scenario), recording.scenario_text, ended, **how)
+        return _run_into(
+            folder,
+            prepare(scenario),
+            recording.scenario_text,
+            ended,
+            recorded=folder / TRAJECTORY,
+            wall_s_before=recording.wall_s,
+            replay=replay,
+            record=AllFrames(),
+            work=work,
+        )
 
 
 def _started_scenario(folder: Path) -> Scenario:
@@ -273,21 +258,18 @@ def _run_into(
     ended: Mapping[int, Seed],
     *,
     recorded: Path | None = None,
-    wall_s_before: float = 0.0,
-    progress: Callable[[float], None] | None = None,
-    stop: threading.Event | None = None,
-    replay: bool = True,
-    notify: Callable[[str], None] | None = None,
-    record: Retention = AllFrames(),  # noqa: B008
-    **runs: Any,
+    wall_s_before: float,
+    replay: bool,
+    record: Retention,
+    work: Work,
 ) -> Result:
     """Simulate a scene into a folder; recorded: the trajectory file of the seeds that have ended, where there is one.
 
-    `runs` as for `run_ensemble`.
+    Other arguments as for `record_run` and `simulate`.
     """
     scenario, scene, new = prepared.scenario, prepared.scene, folder / f"{TRAJECTORY}.new"
     new.unlink(missing_ok=True)
-    with announced(f"{MAKING} for {scenario.run.seeds} seeds", notify):
+    with announced(f"{MAKING} for {scenario.run.seeds} seeds", work.notify):
         writer = TrajectoryWriter(
             new,
             engine=prepared.engine.name,
@@ -309,12 +291,12 @@ def _run_into(
             recorder.append_ended(index, seed)
         writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         remove_replays(folder)  # built from the file that was here before
-        if notify:
-            for warning in prepared.warnings:
-                if warning not in ignored_uncertainty(scenario):  # draws may follow, and the command says so
-                    notify(f"warning: {warning}")
-        how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "record": record, **runs}
-        result = run_ensemble(prepared, recorder=recorder, ended=ended, wall_s_before=wall_s_before, **how)
+        for warning in prepared.warnings:
+            if warning not in ignored_uncertainty(scenario):  # draws may follow, and the command says so
+                work.notify(f"warning: {warning}")
+        result = simulate(
+            prepared, record=record, work=work, recorder=recorder, ended=ended, wall_s_before=wall_s_before
+        )
     except BaseException:
         with contextlib.suppress(RecordingFailed):  # the first failure is the one to hear of
             writer.close()
@@ -378,15 +360,15 @@ def mjcf_text(scene: Scene) -> str:
     return str(spec.to_xml())
 
 
-def _write_mjcf(scene: Scene, path: Path, notify: Callable[[str], None] | None) -> None:
+def _write_mjcf(scene: Scene, path: Path, work: Work) -> None:
     """Write the scene as MJCF, unless its parts make too many pairs or MuJoCo does not have its law of impact."""
     of_mujoco = complaints(scene.scenario, "refused", engine="mujoco")
     refused = next((line for line in of_mujoco if line.startswith("contact.")), None)
     if refused is None and len(scene.parts) <= MJCF_PARTS:
         write_whole(path, mjcf_text(scene).encode())
-    elif notify:
+    else:
         why = refused or f"it is written for up to {MJCF_PARTS} parts, here are {len(scene.parts)}"
-        notify(f"{path.name} is left out: {why}")
+        work.notify(f"{path.name} is left out: {why}")
 
 
 def plate_record(prepared: Prepared) -> PlateRecord:

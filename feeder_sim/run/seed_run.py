@@ -250,7 +250,7 @@ class SeedRun:
             time_s=float(now.time[0]),
             part=self._scene.parts[part].name,
             seed=self._index,
-            detail=f"its next frame takes more than {self._watchdog.patience:g} s; it is at ({place}) mm, moves at "
+            detail=f"its next frame takes more than {self._watchdog.stall_after:g} s; it is at ({place}) mm, moves at "
             f"{1e3 * speed[part]:.3g} mm/s and turns at {np.linalg.norm(now.angular_velocity[0, part]):.3g} rad/s",
         )
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
 import queue
-import threading
 import time
-from collections.abc import Callable, Mapping
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor, wait
+from collections.abc import Mapping
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -30,7 +28,7 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.seed_run import SeedRun
-from feeder_sim.run.watchdog import STALL_AFTER_S
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
@@ -148,77 +146,55 @@ class Result(Measured):
         }
 
 
+@single_threaded  # the seeds take all cores; threads of linear algebra only wait for small matrices
 def simulate(
     scenario: Scenario | Prepared,
     *,
-    workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    stop: threading.Event | None = None,
     record: Retention = AllFrames(),  # noqa: B008, it cannot be changed
-    stall_after: float = STALL_AFTER_S,
-) -> Result:
-    """Run every seed of a scenario; see `feeder_sim.simulate`, which gives more to look at."""
-    prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
-    how: dict[str, Any] = {"workers": workers, "progress": progress, "stop": stop, "stall_after": stall_after}
-    return run_ensemble(prepared, record=record, **how)
-
-
-@single_threaded  # the seeds take all cores; threads of linear algebra only wait for small matrices
-def run_ensemble(
-    prepared: Prepared,
-    *,
+    work: Work | None = None,
     recorder: Recorder | None = None,
     ended: Mapping[int, Seed] | None = None,
     wall_s_before: float = 0.0,
-    record: Retention = AllFrames(),  # noqa: B008
-    workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    stop: threading.Event | None = None,
-    notify: Callable[[str], None] | None = None,
-    stall_after: float = STALL_AFTER_S,
-    executor: Executor | None = None,
 ) -> Result:
     """Run every seed, perhaps into a run folder; the result does not depend on the number of workers.
 
     Args:
-        prepared: what to run.
+        scenario: what to run.
+        record: what to keep of each seed in memory.
+        work: by default threads, one for each core: the engines' inner loops run outside Python. Of an executor each
+            seed comes back whole.
         recorder: takes every block as it is computed.
         ended: seeds, by their index, that are not run: what there is of them stands.
         wall_s_before: wall time [s] that the ensemble has taken before.
-        record: what to keep of each seed in memory.
-        workers: threads; the engines' inner loops run outside Python, so threads use all cores. Default: all cores.
-        progress: called with the fraction done, from this thread, a few times a second.
-        stop: set it to end the run within a second, after the blocks under way if they are short.
-        notify: takes a line for the user, such as that the engine is being compiled.
-        stall_after: wall time [s] after which a seed that has not advanced by a frame ends as failed.
-        executor: runs the seeds in place of threads of this process, `workers` of them at once; each comes back whole.
 
     Raises:
         FeederSimError: workers of the executor end before their seed has.
-        InputError: what is to be kept is not recorded in such a scene.
+        InputError: the scenario cannot be built, or what is to be kept is not recorded in such a scene.
     """
+    prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     run, keeper = prepared.scenario.run, Keeper(prepared, record)
-    stop, ended = stop or threading.Event(), ended or {}
+    work, ended = work or Work(), ended or {}
+    stop, executor = work.stop, work.executor
+    lost: tuple[type[BaseException], ...] = (BrokenExecutor, *work.lost)
     random = generators(prepared.scene)
     fractions = np.zeros(run.seeds)
     identity = identity_of(prepared.scenario) if executor else ""
     if not executor:
-        with compilation_announced(prepared.engine.method, notify):  # before the threads need it
+        with compilation_announced(prepared.engine.method, work.notify):  # before the threads need it
             compile_engine(prepared)
     started = time.perf_counter()
     interrupts, stop_requested = [new_interrupt() for _ in range(run.seeds)], math.inf  # when somebody asked to stop
-    cores = workers or getattr(executor, "_max_workers", None) or available_cores()
-    threads = max(1, cores // run.seeds)  # for one seed, where there are fewer seeds than cores
+    threads = max(1, work.n_workers // run.seeds)  # for one seed, where there are fewer seeds than cores
 
     def of_executor(index: int) -> Seed | None:
         """A seed that is run elsewhere; None if it was stopped."""
         assert executor is not None
         try:
-            future = executor.submit(run_seed_elsewhere, prepared.scenario, identity, index, stall_after)
+            future = executor.submit(run_seed_elsewhere, prepared.scenario, identity, index, work.stall_after)
             while not stop.is_set():
                 if wait([future], PROGRESS_S).done:
                     return future.result()
-        except (BrokenExecutor, CancelledError) as error:
+        except lost as error:
             raise FeederSimError(f"workers end before their seed has ({type(error).__name__}) {error}") from error
         future.cancel()
         return None
@@ -232,8 +208,14 @@ def run_ensemble(
         if executor and (seed := of_executor(index)):
             fractions[index] = 1.0
             return keeper(recorder.append_ended(index, seed) if recorder else seed)
-        of_seed: dict[str, Any] = {"interrupt": interrupts[index], "stall_after": stall_after}
-        run_of = SeedRun(prepared, index, recorder=recorder, threads=threads, **of_seed)
+        run_of = SeedRun(
+            prepared,
+            index,
+            recorder=recorder,
+            threads=threads,
+            interrupt=interrupts[index],
+            stall_after=work.stall_after,
+        )
         return keeper(run_of.run(random[index], fractions, stop))
 
     def end_all() -> None:
@@ -241,7 +223,7 @@ def run_ensemble(
             interrupt[ENDED] = 1
 
     finished: queue.SimpleQueue[Future[Seed | None]] = queue.SimpleQueue()  # to wait for all would look at each of them
-    with ThreadPoolExecutor(cores) as pool:
+    with ThreadPoolExecutor(work.n_workers) as pool:
         try:
             futures = [pool.submit(run_seed, index) for index in range(run.seeds)]
             for future in futures:
@@ -255,8 +237,8 @@ def run_ensemble(
                     stop_requested = min(stop_requested, time.perf_counter())
                     if time.perf_counter() - stop_requested > GRACE_S:
                         end_all()
-                if progress and (not remaining or time.perf_counter() - last_report > PROGRESS_S):
-                    progress(float(fractions.mean()))
+                if not remaining or time.perf_counter() - last_report > PROGRESS_S:
+                    work.progress(float(fractions.mean()))
                     last_report = time.perf_counter()
         except BaseException:
             stop.set()
@@ -266,14 +248,14 @@ def run_ensemble(
     return Result(prepared, results, wall_s_before + time.perf_counter() - started)
 
 
-def check_starts(scene: Scene, notify: Callable[[str], None] | None = None) -> None:
+def check_starts(scene: Scene, work: Work) -> None:
     """Draw the starts of every seed, to refuse those that cannot be had before anything is written.
 
     Raises:
         InputError: there is no room for the parts.
     """
     seeds, parts = scene.scenario.run.seeds, len(scene.parts)
-    with announced(f"{LOOKING} of {parts} parts in {seeds} seeds", notify):
+    with announced(f"{LOOKING} of {parts} parts in {seeds} seeds", work.notify):
         for rng in generators(scene):
             start_poses(scene, rng)
 
@@ -282,8 +264,3 @@ def generators(scene: Scene) -> list[np.random.Generator]:
     """The random numbers of every seed."""
     run = scene.scenario.run
     return [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(run.seeds)]
-
-
-def available_cores() -> int:
-    """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -11,23 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.protocol import ENDED, WHOLE
-from feeder_sim.errors import NotAllowed
 
 STALL_AFTER_S = 60.0  # [s] of wall time for a frame; the slowest scenario takes less than one
 STALLED = 2  # what interrupts an engine: not the wish to stop
 CHECKS = 10  # in the time that is allowed
-
-
-def checked_patience(stall_after: float) -> float:
-    """A wall time that is allowed for a frame [s], as a user gives it; `math.inf` for any.
-
-    Raises:
-        InputError: it is no such time.
-    """
-    number = isinstance(stall_after, int | float | np.number) and not isinstance(stall_after, bool)
-    if not number or not stall_after > 0.0:
-        raise NotAllowed(stall_after, "a time in seconds over 0", argument="stall_after")
-    return float(stall_after)
 
 
 class Watchdog:
@@ -37,25 +24,25 @@ class Watchdog:
 
     Args:
         interrupt: of the engine, see `new_interrupt`.
-        patience: wall time [s] that a frame may take.
+        stall_after: wall time [s] that a frame may take.
     """
 
     _watched: ClassVar[set[Watchdog]] = set()
     _changed: ClassVar[threading.Condition] = threading.Condition()
     _watching: ClassVar[bool] = False
 
-    def __init__(self, interrupt: NDArray[np.int64], patience: float = STALL_AFTER_S) -> None:
-        self.patience = patience
+    def __init__(self, interrupt: NDArray[np.int64], stall_after: float = STALL_AFTER_S) -> None:
+        self.stall_after = stall_after
         self._interrupt, self._since, self._n_frames = interrupt, math.inf, 0
 
     def __enter__(self) -> Self:
-        if self.patience < math.inf:
+        if self.stall_after < math.inf:
             with self._changed:
                 self._watched.add(self)
                 if not Watchdog._watching:
                     Watchdog._watching = True
                     threading.Thread(target=_watch, daemon=True).start()
-                elif self.patience < STALL_AFTER_S:
+                elif self.stall_after < STALL_AFTER_S:
                     self._changed.notify()
         return self
 
@@ -77,7 +64,7 @@ class Watchdog:
     def _check(self) -> None:
         if self._n_frames != self._interrupt[WHOLE] and self._since < math.inf:
             self._n_frames, self._since = int(self._interrupt[WHOLE]), time.perf_counter()
-        elif time.perf_counter() - self._since > self.patience and self._interrupt[ENDED] == 0:
+        elif time.perf_counter() - self._since > self.stall_after and self._interrupt[ENDED] == 0:
             self._interrupt[ENDED] = STALLED
 
 
@@ -85,8 +72,8 @@ def _watch() -> None:
     """Look at all engines again and again; with none for a while, end."""
     while True:
         with Watchdog._changed:
-            patience = min((dog.patience for dog in list(Watchdog._watched)), default=STALL_AFTER_S)
-            Watchdog._changed.wait(patience / CHECKS)
+            shortest = min((dog.stall_after for dog in list(Watchdog._watched)), default=STALL_AFTER_S)
+            Watchdog._changed.wait(shortest / CHECKS)
             watched = list(Watchdog._watched)
             if not watched:
                 Watchdog._watching = False

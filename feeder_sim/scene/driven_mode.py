@@ -12,6 +12,7 @@ import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from feeder_sim.plate.mode_shapes import ModeShape, RitzShape
 from feeder_sim.plate.response import (
     DEFAULT_DAMPING_RATIO,
     NO_FORCE,
+    Oscillators,
     amplitude_bounds,
     assumption,
     deflection_at,
@@ -123,14 +125,31 @@ class DrivenMode:
         return (self.drive, *(follower.drive for follower in self.followers))
 
 
-def driven_mode(drive: Excitation, key: str, mode_file: ModeFile) -> DrivenMode:
+@dataclass(frozen=True)
+class ModalPlate:
+    """A plate of a mode file, with what all its drives need; the forces only where a voltage acts."""
+
+    mode_file: ModeFile
+
+    @cached_property
+    def oscillators(self) -> Oscillators:
+        """Its modes, with the damping of the file."""
+        return oscillators(self.mode_file)
+
+    @cached_property
+    def forces(self) -> NDArray[np.float64]:
+        """Modal force over the voltage [N/V], shape (n_modes, n_actuators); errors as for `modal_forces`."""
+        return modal_forces(self.mode_file)
+
+
+def driven_mode(drive: Excitation, key: str, plate: ModalPlate) -> DrivenMode:
     """Choose the mode of one drive, and its modal amplitude from an amplitude or a voltage; `key` names the drive.
 
     Raises:
         InputError: no such mode or actuator, no gain, or a point where the mode does not move.
     """
-    index = _choose_mode(drive, key, mode_file)
-    driven = _driven(drive, key, mode_file, index)
+    mode_file, index = plate.mode_file, _choose_mode(drive, key, plate)
+    driven = _driven(drive, key, plate, index)
     lines = [line for mode, line in far_resonances(mode_file) if mode == index]
     amplitude = driven.drive.steady_amplitude
     if driven.left_out is not None and driven.left_out > MUCH_LEFT_OUT * amplitude:
@@ -138,9 +157,9 @@ def driven_mode(drive: Excitation, key: str, mode_file: ModeFile) -> DrivenMode:
             f"other modes would move by {1e6 * driven.left_out:.3g} um beside the {1e6 * amplitude:.3g} um of the "
             f'driven one, and are left out; {key}.modes = "all" or a smaller share takes them in'
         )
-    plate_oscillators = oscillators(mode_file, drive.damping_ratio)
-    if driven.left_out is not None and not _calibrated(mode_file, index) and plate_oscillators.assumed[index]:
-        lines.append(assumption(plate_oscillators))
+    assumed = drive.damping_ratio is None and plate.oscillators.assumed[index]
+    if driven.left_out is not None and not _calibrated(mode_file, index) and assumed:
+        lines.append(assumption(plate.oscillators))
     return replace(driven, doubt="; ".join(lines))
 
 
@@ -149,11 +168,11 @@ def _calibrated(mode_file: ModeFile, index: int) -> bool:
     return any(r.mode == index and math.isfinite(r.gain) for r in mode_file.resonances)
 
 
-def _driven(drive: Excitation, key: str, mode_file: ModeFile, index: int) -> DrivenMode:
+def _driven(drive: Excitation, key: str, plate: ModalPlate, index: int) -> DrivenMode:
     """As `driven_mode`, of a mode that is chosen."""
-    modes = mode_file.modes
+    mode_file, modes = plate.mode_file, plate.mode_file.modes
     measured = next((r for r in mode_file.resonances if r.mode == index), None)
-    damping = drive.damping_ratio or float(oscillators(mode_file).damping_ratio[index])
+    damping = drive.damping_ratio or float(plate.oscillators.damping_ratio[index])
     label = _label(mode_file, index)
     shape = RitzShape(modes, index)
     if drive.voltage_vpp is None:
@@ -173,19 +192,18 @@ def _driven(drive: Excitation, key: str, mode_file: ModeFile, index: int) -> Dri
         return DrivenMode(
             label, shape, _of_oscillator(drive, level, drive.natural_frequency_hz or measured.frequency, damping)
         )
-    return _actuated(drive, key, mode_file, index, names, damping)
+    return _actuated(drive, key, plate, index, names, damping)
 
 
 def _actuated(
-    drive: Excitation, key: str, mode_file: ModeFile, index: int, names: tuple[str, ...], damping: float
+    drive: Excitation, key: str, plate: ModalPlate, index: int, names: tuple[str, ...], damping: float
 ) -> DrivenMode:
     """The mode of a drive and its followers, from the modal forces of actuators."""
     assert drive.voltage_vpp is not None
-    force = modal_forces(mode_file) @ _volts(drive, mode_file, names)
-    plate_oscillators = oscillators(mode_file)
-    natural, ratio = plate_oscillators.natural_frequency.copy(), plate_oscillators.damping_ratio.copy()
+    mode_file, force = plate.mode_file, plate.forces @ _volts(drive, plate.mode_file, names)
+    natural, ratio = plate.oscillators.natural_frequency.copy(), plate.oscillators.damping_ratio.copy()
     natural[index], ratio[index] = drive.natural_frequency_hz or natural[index], damping
-    level = force / (2.0 * ratio * plate_oscillators.modal_mass * (2.0 * math.pi * natural) ** 2)
+    level = force / (2.0 * ratio * plate.oscillators.modal_mass * (2.0 * math.pi * natural) ** 2)
     key_of_names = f"{key}.{'voltage_vpp' if drive.actuator is None else 'actuator'}"
     if abs(force[index]) < NO_FORCE * np.abs(force).max():
         raise InputError(f"is {', '.join(names)}, which does not drive mode {index + 1}", key=key_of_names)
@@ -266,8 +284,8 @@ def _label(mode_file: ModeFile, index: int) -> str:
     return f"mode {index + 1}, {mode_file.modes.natural_frequency[index]:.1f} Hz {kind}"
 
 
-def _choose_mode(drive: Excitation, key: str, mode_file: ModeFile) -> int:
-    modes = mode_file.modes
+def _choose_mode(drive: Excitation, key: str, plate: ModalPlate) -> int:
+    mode_file, modes = plate.mode_file, plate.mode_file.modes
     frequencies = modes.natural_frequency
     if drive.mode is not None:
         if drive.mode > len(modes):
@@ -295,7 +313,7 @@ def _choose_mode(drive: Excitation, key: str, mode_file: ModeFile) -> int:
     if drive.voltage_vpp is not None and drive.natural_frequency_hz is None and (is_near or has_actuator):
         measured = next((r for r in mode_file.resonances if r.mode == index), None)
         names = _actuators(drive, f"mode {index + 1}", key, mode_file, measured)
-        return _strongest(drive, mode_file, names) if names else index
+        return _strongest(drive, plate, names) if names else index
     if not is_near:
         raise InputError(
             f"is {target:g}, no mode within {MODE_MATCH:.0%}; the nearest is mode {index + 1} at "
@@ -305,11 +323,10 @@ def _choose_mode(drive: Excitation, key: str, mode_file: ModeFile) -> int:
     return index
 
 
-def _strongest(drive: Excitation, mode_file: ModeFile, names: tuple[str, ...]) -> int:
+def _strongest(drive: Excitation, plate: ModalPlate, names: tuple[str, ...]) -> int:
     """The mode that a voltage moves most at its frequency."""
-    plate_oscillators = oscillators(mode_file)
-    force = modal_forces(mode_file) @ _volts(drive, mode_file, names)
-    return int(np.abs(plate_oscillators.modal_coordinates(np.array([drive.frequency_hz]), force)[0]).argmax())
+    force = plate.forces @ _volts(drive, plate.mode_file, names)
+    return int(np.abs(plate.oscillators.modal_coordinates(np.array([drive.frequency_hz]), force)[0]).argmax())
 
 
 def modal_drive(drive: Excitation, amplitude: float, damping_ratio: float = DEFAULT_DAMPING_RATIO) -> ModalDrive:

@@ -28,10 +28,10 @@ from feeder_sim.scenario import (
     resolve_material,
 )
 from feeder_sim.scenario.rules import lines_of, plate_with_outline
-from feeder_sim.scene.driven_mode import DrivenMode, driven_mode, metres, modal_drive
+from feeder_sim.scene.driven_mode import DrivenMode, ModalPlate, driven_mode, metres, modal_drive
 from feeder_sim.scene.mode_cache import modes_of_plate
 from feeder_sim.scene.plate_modes import NoModes
-from feeder_sim.scene.timetable import Timetable, timetable
+from feeder_sim.scene.timetable import Timetable
 from feeder_sim.scene.tray import tray_motion
 
 ABOVE = 1.3  # of the highest drive, up to where modes of a described plate are computed
@@ -52,13 +52,13 @@ class DrivenPlate:
     driven: tuple[DrivenMode, ...]
 
 
-def assemble_plate(scenario: Scenario) -> DrivenPlate:
-    """Build the moving surface of a scenario.
+def assemble_plate(scenario: Scenario, times: Timetable) -> DrivenPlate:
+    """Build the moving surface of a scenario; times: its timetable.
 
     Raises:
         InputError: unknown mode, a frequency the plate has no mode for, missing gain, unusable mode file.
     """
-    plate, times = scenario.plate, timetable(scenario)
+    plate = scenario.plate
     if isinstance(plate, Strip):
         return _strip(plate, scenario.excitations, times)
     if isinstance(plate, Rectangle | ModePlate | BendingPlate):
@@ -132,7 +132,8 @@ def _still(plate: StillPlate) -> DrivenPlate:
 
 def _from_modes(mode_file: ModeFile, drives: Excitations, times: Timetable) -> DrivenPlate:
     modes = mode_file.modes
-    driven = [driven_mode(drive, key, mode_file) for key, drive in drives]
+    plate = ModalPlate(mode_file)
+    driven = [driven_mode(drive, key, plate) for key, drive in drives]
     highest = [float(modes.natural_frequency[_indices(mode)].max()) for mode in driven]
     key, drive = drives[int(np.argmax(highest))]
     try:

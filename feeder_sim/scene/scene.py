@@ -255,7 +255,8 @@ def build_scene(scenario: Scenario) -> Scene:
             does not fit the plate, the guide or the duration.
     """
     check_scenario(scenario)
-    plate = assemble_plate(scenario)
+    times = timetable(scenario)
+    plate = assemble_plate(scenario, times)
     if scenario.run.reaction:
         free_modes(plate.driven)  # refuses modes that cannot react
     kinds = tuple(build_part(spec, name=f"part_{i}") for i, spec in enumerate(scenario.part))
@@ -266,10 +267,10 @@ def build_scene(scenario: Scenario) -> Scene:
         check_in_tube(spec, kind, i)
     check_refill(scenario, plate.surface, kinds)
     check_goal(scenario, plate.surface)
-    run, times = scenario.run, timetable(scenario)
+    run = scenario.run
     ringing = [drive.natural_frequency for mode in plate.driven for drive in mode.drives]
     timestep = 1.0 / (max(scenario.highest_frequency_hz, *ringing, 0.0) * run.steps)
-    timestep = min(timestep, _longest_step(scenario, plate, each_once(scenario), kinds))
+    timestep = min(timestep, _longest_step(scenario, plate, each_once(scenario, times), kinds))
     kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
     digits = len(str(len(kind_of) - 1))
     guides = [

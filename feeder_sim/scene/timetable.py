@@ -127,11 +127,11 @@ def of_stages(stages: Sequence[TimedStage]) -> Timetable:
     return Timetable(tuple(stages), occurrences, stages[-1].end if stages else 0.0)
 
 
-def each_once(scenario: Scenario) -> Timetable:
-    """The timetable in which every stage comes once, also those that a sequence leaves out."""
+def each_once(scenario: Scenario, times: Timetable) -> Timetable:
+    """The timetable in which every stage comes once, also those that a sequence leaves out; else the usual times."""
     schedule = scenario.schedule
     if schedule is None or schedule.sequence is None:
-        return timetable(scenario)
+        return times
     single_pass = schedule.model_copy(update={"sequence": None, "cycles": 1})
     return timetable(scenario.model_copy(update={"schedule": single_pass}))
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import threading
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO, WorkFolder, usual_folder
 from feeder_sim.jobs.ledger import Ledger
-from feeder_sim.jobs.runner import FOREIGN, Bench
-from feeder_sim.jobs.workers import Workers
+from feeder_sim.jobs.runner import FOREIGN, Runner
+from feeder_sim.jobs.workers import workers_of
 from feeder_sim.measures.function import identity_of_measures
 from feeder_sim.measures.protocol import Measure
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.chart.chart import ChartQuestion
 from feeder_sim.studies.question import Question
@@ -58,29 +56,23 @@ def folder_of(
 def ask(
     question: Question,
     scenario: Scenario,
-    workers: AbstractContextManager[Workers],
     folder: WorkFolder | None = None,
     *,
     file: Path = Path("scenario"),
     share: tuple[int, int] | None = None,
-    stop: threading.Event | None = None,
-    progress: Callable[[float], None] | None = None,
-    notify: Callable[[str], None] | None = None,
     measures: tuple[Measure[Any, Any], ...] = (),
+    work: Work,
 ) -> Study:
     """Answer a question.
 
     Args:
         question: what is asked.
         scenario: what it is asked of.
-        workers: run the seeds.
         folder: of the question; without one nothing is written.
         file: names the scenario in messages.
         share: number and how many, of a task of a job array, which leaves the table to `merge`.
-        stop: set it to end; what there is then is returned.
-        progress: called with the share that is done.
-        notify: takes a line for the user.
         measures: that are taken besides those of the package; other ones, and seeds in the folder do not count.
+        work: runs the seeds; where it is stopped, what there is then is returned.
 
     Raises:
         InputError: the scenario does not suit, a key or a value is not allowed, or there is no such measure.
@@ -94,13 +86,13 @@ def ask(
     plan = plan.part(*share) if share else plan
     path = folder.path if folder else None
     with contextlib.ExitStack() as stack:
-        bench = Bench(stack.enter_context(workers), ledger, path, stop or threading.Event(), progress, notify, measures)
+        runner = Runner(stack.enter_context(workers_of(work)), work, ledger, path, measures)
         if foreign_seeds and not plan.all_done:
-            bench.say_foreign(foreign_seeds)
+            runner.notify_foreign(foreign_seeds)
         if folder:
             stack.enter_context(folder)  # last: what is refused before leaves the question in it as it was
         stack.enter_context(ledger)
-        study = plan.study(plan.run(bench), foreign_seeds)
+        study = plan.study(plan.run(runner), foreign_seeds)
         if folder and share is None:
             write_study(study, folder)
     return study

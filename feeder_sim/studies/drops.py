@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import threading
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
@@ -33,6 +31,7 @@ from feeder_sim.errors import InputError, Interrupted
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import NONE, StablePose, stable_poses
 from feeder_sim.run.compilation import compilation_announced, in_daemon_thread
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Ball, Contact, Run, Scenario, StillPlate
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded
@@ -112,10 +111,7 @@ def drop(
     contact: Contact | None = None,
     engine: Engine = "impulse",
     seed: int = 0,
-    workers: int = 1,
-    stop: threading.Event | None = None,
-    progress: Callable[[float], None] | None = None,
-    notify: Callable[[str], None] | None = None,
+    work: Work | None = None,
 ) -> DropStudy:
     """Drop a part many times on a plate at rest and see how it comes to lie.
 
@@ -125,16 +121,13 @@ def drop(
         contact: of part and plate; default as in a scenario.
         engine: that computes the drops.
         seed: of the attitudes.
-        workers: threads, which do not change the result.
-        stop: set it to give up.
-        progress: called with the share of the drops done, from this thread.
-        notify: takes a line for the user, such as that the engine is being compiled.
+        work: by default threads, one for each core; they do not change the result.
 
     Raises:
         InputError: the part has no stable poses (a ball), no drops are asked for, or a law of impact for balls.
         Interrupted: it was given up.
     """
-    table = stable_poses(part)
+    table, work = stable_poses(part), work or Work()
     if not table.poses:
         raise InputError("has no stable poses: it lies on any side", key=part.name)
     if drops < 1:
@@ -143,26 +136,26 @@ def drop(
         raise InputError("is given, must be none for drops: it is for balls", key="contact.tangential_restitution")
     scene = still_plate(part, contact or Contact(), engine)
     starts = Rotation.random(drops, rng=np.random.default_rng(seed))
-    ends = [drops * i // (PIECES * workers) for i in range(PIECES * workers + 1)]
+    n_pieces = PIECES * work.n_workers
+    ends = [drops * i // n_pieces for i in range(n_pieces + 1)]
     pieces = [slice(*piece) for piece in itertools.pairwise(ends) if piece[1] > piece[0]]
     compute = _impulse_drops if engine == "impulse" else _mujoco_drops
 
     def compile_engine() -> None:
         compute(scene, starts[:1], np.ones(2, np.int64))
 
-    with compilation_announced("drops", notify):
+    with compilation_announced("drops", work.notify):
         in_daemon_thread(compile_engine)
     attitude, rest_s, interrupt = np.empty((drops, 4)), np.empty(drops), new_interrupt()
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(work.n_workers) as pool:
         tasks = [pool.submit(compute, scene, starts[piece], interrupt) for piece in pieces]
         try:
             for piece, task in zip(pieces, tasks, strict=True):
                 while not wait([task], timeout=0.1).done:
-                    if stop is not None and stop.is_set():
+                    if work.stop.is_set():
                         raise Interrupted("interrupted")
                 attitude[piece], rest_s[piece] = task.result()
-                if progress:
-                    progress(piece.stop / drops)
+                work.progress(piece.stop / drops)
         finally:
             interrupt[ENDED] = 1  # given up, or an error: what is left ends where it is
     return DropStudy(part, engine, scene.scenario.contact, table.number(attitude), rest_s)

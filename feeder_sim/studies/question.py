@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Protocol, Self
 
 from feeder_sim.errors import InputError, option_of
 from feeder_sim.jobs.ledger import Ledger
-from feeder_sim.jobs.runner import Bench
+from feeder_sim.jobs.runner import Runner
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import Table, validated
 from feeder_sim.studies.study import Study
@@ -116,7 +116,7 @@ class Plan(Protocol):
         """What one task of a job array does: every n-th point from a number on, which counts from 1."""
         ...
 
-    def run(self, bench: Bench) -> bool:
+    def run(self, runner: Runner) -> bool:
         """Run what is not done; returns whether it came to the end, and was not stopped."""
         ...
 

@@ -29,7 +29,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError, NotAllowed
 from feeder_sim.jobs.ledger import Ledger
-from feeder_sim.jobs.runner import Bench
+from feeder_sim.jobs.runner import Runner
 from feeder_sim.jobs.task import RepeatedWarning, SeedValues, Task
 from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
@@ -193,10 +193,10 @@ class MapPlan(Plan):
     def part(self, number: int, of: int) -> MapPlan:
         return MapPlan(self._question, self._scenario, self._points[number - 1 :: of])
 
-    def run(self, bench: Bench) -> bool:
-        if bench.progress and len(self._ledger):
-            bench.progress(0.0)  # there is something to keep, whenever it ends
-        return bench.run(MapWork(self, _strided(self._points), bench.ledger))
+    def run(self, runner: Runner) -> bool:
+        if len(self._ledger):
+            runner.work.progress(0.0)  # there is something to keep, whenever it ends
+        return runner.run(MapTasks(self, _strided(self._points), runner.ledger))
 
     def study(self, complete: bool, foreign_seeds: int) -> SpeedMap:
         self._settle_all()
@@ -251,7 +251,7 @@ def _label(point: tuple[float, float]) -> dict[str, float]:
     return {"frequency_hz": point[0], "amplitude_um": point[1]}
 
 
-class MapWork:
+class MapTasks:
     """The seeds of all points that are still to be run, handed out point by point."""
 
     def __init__(self, plan: MapPlan, remaining: Sequence[tuple[float, float]], ledger: Ledger) -> None:

@@ -14,6 +14,7 @@ from prediction import GradientDrift
 
 import feeder_sim
 from feeder_sim.run.run_folder import record_run, resume_run
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 
 MODES = REPOSITORY / "models" / "plate_180" / "modes.h5"
@@ -48,11 +49,11 @@ def test_a_sequence_goes_on_after_a_break(tmp_path: Path) -> None:
     whole = record_run(made, tmp_path / "whole", replay=False)
 
     looks = 2
-    result = record_run(made, tmp_path / "run", replay=False, stop=StopsAfter(looks))
+    result = record_run(made, tmp_path / "run", replay=False, work=Work(stop=StopsAfter(looks)))
     breaks = 0
     while result.interrupted:
         breaks, looks = breaks + 1, looks + 3  # its seed begins anew: with as many looks as before it would never end
-        result = resume_run(tmp_path / "run", replay=False, stop=StopsAfter(looks))
+        result = resume_run(tmp_path / "run", replay=False, work=Work(stop=StopsAfter(looks)))
     assert breaks > 1
     for name in ("time", "position", "present"):
         assert np.array_equal(getattr(result.trajectories[0], name), getattr(whole.trajectories[0], name))

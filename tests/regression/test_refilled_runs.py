@@ -19,6 +19,7 @@ from feeder_sim.run.guard import Guard
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import Result, simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.refill import refill, refill_frames
@@ -106,7 +107,7 @@ def test_picks_per_minute_as_counted_by_hand(result: Result) -> None:
 
 def test_threads_and_a_run_folder_change_nothing(result: Result, tmp_path: Path) -> None:
     recorded = record_run(scenario(), tmp_path / "run", replay=False)
-    other = simulate(scenario(), workers=6)  # two threads for each seed
+    other = simulate(scenario(), work=Work(6))  # two threads for each seed
     for one, same, threaded in zip(result.seeds, recorded.seeds, other.seeds, strict=True):
         assert one.frames.position.tobytes() == same.frames.position.tobytes() == threaded.frames.position.tobytes()
         assert one.arrivals.height.tobytes() == same.arrivals.height.tobytes() == threaded.arrivals.height.tobytes()

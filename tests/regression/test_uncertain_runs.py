@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,10 +19,11 @@ from conftest import BALL_ON_SLIDE, REPOSITORY, StopsAfter, toml_of
 
 from feeder_sim.document.figure import empty_figure
 from feeder_sim.jobs import workers
-from feeder_sim.jobs.workers import Workers, given_workers
+from feeder_sim.jobs.workers import Workers, workers_of
 from feeder_sim.plots.uncertainty import draw_values
 from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import record_run
+from feeder_sim.run.work import Work
 from feeder_sim.studies.uncertainty.spread import spread_of
 from feeder_sim.studies.uncertainty.uncertainty import Uncertainty, UncertaintyQuestion
 
@@ -34,7 +36,7 @@ def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     @contextmanager
     def in_a_thread(_: int | None = None) -> Iterator[Workers]:
-        with ThreadPoolExecutor(1) as pool, given_workers(pool) as found:
+        with ThreadPoolExecutor(1) as pool, workers_of(Work(executor=pool)) as found:
             yield found
 
     monkeypatch.setattr(workers, "local_workers", in_a_thread)
@@ -99,8 +101,8 @@ def test_draws_that_have_more_seeds_than_asked_for_keep_them(ball: Path, tmp_pat
 def test_an_interrupted_run_keeps_how_many_draws_were_asked_for(
     ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*given: Any, stop: object, **named: Any) -> Any:
-        return record_run(*given, stop=StopsAfter(1), **named)
+    def interrupted(*given: Any, work: Work, **named: Any) -> Any:
+        return record_run(*given, work=replace(work, stop=StopsAfter(1)), **named)
 
     monkeypatch.setattr(run_folder, "record_run", interrupted)
     out = tmp_path / "run"

@@ -36,6 +36,7 @@ from feeder_sim.replay.viewer import replay_file, time_shown
 from feeder_sim.run import provenance
 from feeder_sim.run.provenance import library_versions
 from feeder_sim.run.run_folder import SUMMARY, record_run, resume_run, scenario_toml
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 
 BLOCK = 130  # frames
@@ -179,10 +180,10 @@ def test_cost_of_a_run_that_goes_on_counts_all_stretches(tmp_path: Path, monkeyp
     with monkeypatch.context() as patch:  # as if the first stretch had taken hours
         finish = TrajectoryWriter.finish
         patch.setattr(TrajectoryWriter, "finish", lambda file, n, seed, wall_s: finish(file, n, seed, wall_s + 5000.0))
-        first = record_run(scenario, tmp_path, stop=StopsAfter(3), replay=False)
+        first = record_run(scenario, tmp_path, work=Work(stop=StopsAfter(3)), replay=False)
     assert first.interrupted and first.wall_s < 1000.0
     stored = read_recording(tmp_path / TRAJECTORY).wall_s
-    second = resume_run(tmp_path, stop=StopsAfter(3), replay=False)
+    second = resume_run(tmp_path, work=Work(stop=StopsAfter(3)), replay=False)
     assert second.interrupted and second.wall_s > stored > 5000.0
     result = resume_run(tmp_path, replay=False)
     summary = json.loads((tmp_path / SUMMARY).read_text())
@@ -318,7 +319,7 @@ def test_full_disk_under_the_output_is_a_failure(tmp_path: Path) -> None:
 
 
 def test_replays_of_a_run_that_goes_on_are_removed(tmp_path: Path) -> None:
-    record_run(ball_on_slide(duration_s=20.0), tmp_path, stop=StopsAfter(3), replay=False)
+    record_run(ball_on_slide(duration_s=20.0), tmp_path, work=Work(stop=StopsAfter(3)), replay=False)
     shutil.copy(replay_file(tmp_path), tmp_path / "replay_seed_001.rrd")  # whether the second seed had begun is chance
     (tmp_path / "replay_of_mine.rrd").write_text("mine")
     resume_run(tmp_path, replay=False)

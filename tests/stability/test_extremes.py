@@ -27,6 +27,7 @@ from feeder_sim.run.plan import plan_run
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.run.state_check import DEPTH
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 
@@ -149,7 +150,7 @@ def test_a_run_whose_frames_take_for_ever_ends_when_asked(monkeypatch: pytest.Mo
     stop = threading.Event()
     threading.Timer(0.5, stop.set).start()
     started = time.perf_counter()
-    result = simulate(scenario, stop=stop)
+    result = simulate(scenario, work=Work(stop=stop))
     assert result.interrupted
     assert time.perf_counter() - started < 60.0  # of an hour of a nut in flight
 
@@ -159,7 +160,7 @@ def test_a_run_of_which_seeds_have_not_begun_is_interrupted() -> None:
     scenario = scenario_of(run={"duration_s": 0.05, "seeds": 5})
     ended = []
     for looks in range(16):
-        result = simulate(scenario, stop=StopsAfter(looks), workers=1)
+        result = simulate(scenario, work=Work(1, stop=StopsAfter(looks)))
         done = [seed.status == Status.DONE for seed in result.seeds]
         assert result.interrupted == (done != [True] * 5)
         ended.append(sum(done))

@@ -23,6 +23,7 @@ from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import simulate
 from feeder_sim.run.watchdog import STALLED, Watchdog
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import HexNut, Scenario, Start, load_scenario, with_run
 
 
@@ -170,11 +171,10 @@ def second_is_stuck(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("feeder_sim.run.seed_run.engine_class", chosen)
 
 
-def test_a_seed_that_does_not_get_on_ends_as_failed_and_the_others_go_on(
-    second_is_stuck: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("feeder_sim.run.simulation.available_cores", lambda: 1)
-    result = record_run(strip_scenario(duration_s=0.2, seeds=3), tmp_path, replay=False, stall_after=PATIENCE)
+def test_a_seed_that_does_not_get_on_ends_as_failed_and_the_others_go_on(second_is_stuck: None, tmp_path: Path) -> None:
+    result = record_run(
+        strip_scenario(duration_s=0.2, seeds=3), tmp_path, replay=False, work=Work(1, stall_after=PATIENCE)
+    )
     second = result.seeds[1]
     assert [seed.status for seed in result.seeds] == [Status.DONE, Status.DIVERGED, Status.DONE]
     assert [seed.status for seed in feeder_sim.open(tmp_path).seeds] == [seed.status for seed in result.seeds]

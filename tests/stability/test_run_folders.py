@@ -34,6 +34,7 @@ from feeder_sim.replay import viewer
 from feeder_sim.replay.replay import build_replay
 from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import carry_files, record_run, resume_run
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import MeshPart, Rectangle, Scenario, load_scenario, with_run
 
 MODES = REPOSITORY / "models/plate_180/modes.h5"
@@ -124,7 +125,7 @@ def test_of_runs_that_begin_at_once_in_one_folder_one_is_recorded(tmp_path: Path
         assert read_recording(out / "trajectory.h5").status == (Status.DONE,) * 2
 
 
-@pytest.mark.parametrize("killed_in", ["carry_files", "_write_mjcf", "TrajectoryWriter", "run_ensemble"])
+@pytest.mark.parametrize("killed_in", ["carry_files", "_write_mjcf", "TrajectoryWriter", "simulate"])
 def test_a_run_that_was_killed_before_its_first_block_begins_anew(
     killed_in: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -375,7 +376,7 @@ def test_a_run_folder_taken_elsewhere_runs_again_and_goes_on_to_the_same_bits(
 ) -> None:
     monkeypatch.setattr(ImpulseEngine, "frames_per_block", 100)
     record_run(load_scenario(scenario), tmp_path / "whole", replay=False)
-    record_run(load_scenario(scenario), tmp_path / "cut", replay=False, stop=StopsAfter(4))
+    record_run(load_scenario(scenario), tmp_path / "cut", replay=False, work=Work(stop=StopsAfter(4)))
     elsewhere = tmp_path / "another machine"
     for name in ("whole", "cut"):
         shutil.move(tmp_path / name, elsewhere / name)

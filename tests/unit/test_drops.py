@@ -23,6 +23,7 @@ from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.solids import ball, cylinder, hex_nut
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plots.poses import ELEVATION_DEG, draw_pose
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Contact
 from feeder_sim.studies.drops import DropStudy, drop
 
@@ -41,7 +42,7 @@ def box(x: float, y: float, z: float) -> RigidPart:
 
 
 def test_every_drop_ends_in_a_pose_and_threads_change_nothing() -> None:
-    one, two = (drop(tall_nut(), 200, seed=4, workers=workers) for workers in (1, 2))
+    one, two = (drop(tall_nut(), 200, seed=4, work=Work(workers)) for workers in (1, 2))
     assert (one.pose == two.pose).all() and (one.rest_s == two.rest_s).all()
     assert sum(share.hits for share in one.shares) + one.other == 200
     assert one.other == one.moving == 0

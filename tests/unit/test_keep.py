@@ -21,6 +21,7 @@ from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.run.keep import Retention
 from feeder_sim.run.run_folder import PICKS, record_run
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import (
     Drive,
     HexNut,
@@ -157,7 +158,7 @@ def test_frames_lie_on_the_solver_steps(tmp_path: Path) -> None:
 @pytest.mark.parametrize("engine", ["impulse", "mujoco"])
 def test_same_seed_gives_the_same_bits_whatever_the_workers(engine: str) -> None:
     scenario = strip_scenario(seeds=3, duration_s=0.4, engine=engine)
-    one, two = (simulate(scenario, workers=n).trajectories for n in (1, 3))
+    one, two = (simulate(scenario, work=Work(n)).trajectories for n in (1, 3))
     assert all(same(a, b) for a, b in zip(one, two, strict=True))
     assert not same(one[0], one[1])
     (alone,) = simulate(scenario.changed({"run.seeds": 1})).trajectories  # whatever seeds follow

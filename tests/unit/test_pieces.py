@@ -13,6 +13,7 @@ from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run import seed_run
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work
 
 
 def positions(frames: Frames) -> bytes:
@@ -39,7 +40,7 @@ def test_a_block_that_is_stopped_is_dropped_as_a_whole(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(FreePartEngine, "advance", counted)
     monkeypatch.setattr(seed_run, "PIECE_S", 0.0)
-    seed = simulate(strip_scenario(duration_s=0.3), stop=stop).seeds[0]
+    seed = simulate(strip_scenario(duration_s=0.3), work=Work(stop=stop)).seeds[0]
     assert len(calls) == 5 and seed.status == Status.UNFINISHED
     assert len(seed.frames) == 1 and seed.frames.time[0] == 0.0
     assert np.isfinite(seed.frames.position).all()

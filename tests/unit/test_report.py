@@ -30,6 +30,7 @@ from feeder_sim.report.measure_tables import interval_text, measure_blocks
 from feeder_sim.report.run_report import run_document
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.uncertain import Uncertain
 
@@ -137,7 +138,7 @@ def test_what_is_no_run_is_refused_in_one_line(recorded: Path, tmp_path: Path) -
 
 def test_interrupted_run_says_so_and_can_go_on(tmp_path: Path, coarse: None) -> None:
     scenario = titled("short", seeds=3, duration_s=6.0)
-    result = record_run(scenario, tmp_path / "run", stop=StopsAfter(2), replay=False)
+    result = record_run(scenario, tmp_path / "run", work=Work(stop=StopsAfter(2)), replay=False)
     assert result.interrupted
     done = feeder_sim("report", tmp_path / "run", "--no-replay")
     assert done.returncode == 0, done.stderr

@@ -19,11 +19,12 @@ from test_keep import bouncing, picking
 
 import feeder_sim
 from feeder_sim.api.opened import OpenedRun
-from feeder_sim.api.progress import progress_bar
+from feeder_sim.api.progress import displayed
 from feeder_sim.errors import InputError
 from feeder_sim.measures import catalogue
 from feeder_sim.measures.protocol import FindingsBase
 from feeder_sim.run.run_folder import SUMMARY, scenario_toml
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import HexNut, Rectangle, Scenario, Start
 
 
@@ -256,8 +257,9 @@ def test_progress_shows_a_bar(capsys: pytest.CaptureFixture[str]) -> None:
     seen: list[float] = []
     feeder_sim.simulate(strip_scenario(), progress=seen.append)
     assert seen[-1] == 1.0
-    with progress_bar(False, "") as (show, notify):
-        assert show is None and notify is None
+    with displayed(Work(), False, "") as work:
+        work.progress(0.5)
+        work.notify("a line")
     assert capsys.readouterr().err == ""
 
 

@@ -19,7 +19,8 @@ from speeds import AMPLITUDE, FRICTION, OVER, SEARCH, speed_of, values_of
 
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues
-from feeder_sim.jobs.workers import given_workers
+from feeder_sim.jobs.workers import workers_of
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
 from feeder_sim.studies.search.proposals import LOG, RANDOM_TRIALS, Proposals, Sampler
@@ -57,7 +58,7 @@ def test_the_best_is_found_and_checked_with_fresh_seeds_and_losers_are_stopped_e
 
 def use(executor: Pretended, patch: pytest.MonkeyPatch) -> None:
     """Let commands run their seeds there."""
-    patch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(executor, 2))
+    patch.setattr("feeder_sim.studies.ask.workers_of", lambda work: workers_of(Work(2, work.executor or executor)))
 
 
 ASKED = ("optimise", REPOSITORY / "scenarios/drift_4750hz.toml", "--maximise", "speed", "--over", OVER[0])

@@ -19,13 +19,13 @@ from swept import AMPLITUDE, Pretended, over, plan_of
 import feeder_sim
 from feeder_sim import sweep
 from feeder_sim.errors import FeederSimError
-from feeder_sim.jobs.runner import Bench, run_work
+from feeder_sim.jobs.runner import Runner
 from feeder_sim.jobs.task import SeedValues, Task, run_task, warnings_over
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.records.seed import Seed
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Contact
-from feeder_sim.studies.sweep.cases import SweepWork
+from feeder_sim.studies.sweep.cases import SweepTasks
 
 
 def test_real_seeds_are_those_of_simulate() -> None:
@@ -43,7 +43,7 @@ def test_real_seeds_are_those_of_simulate() -> None:
 def test_a_broken_executor_loses_nothing() -> None:
     question = over(f"{AMPLITUDE}=1:2:3", seeds=5)
     whole, broken, second = plan_of(question, Pretended()), plan_of(question), Pretended()
-    assert broken.run(Bench(Workers(Pretended(break_at=(3,)), 2, lambda: second)))
+    assert broken.run(Runner(Workers(Pretended(break_at=(3,)), 2, lambda: second)))
     assert second.seeds and broken.cases.rows == whole.cases.rows
 
 
@@ -51,7 +51,7 @@ def test_workers_that_end_again_and_again_end_the_sweep(monkeypatch: pytest.Monk
     cases = plan_of(over(f"{AMPLITUDE}=1:2:3", seeds=5)).cases
     workers = Workers(Pretended(break_at=(0,)), 2, lambda: Pretended(break_at=(0,)))
     with pytest.raises(FeederSimError, match="again and again"):
-        run_work(SweepWork(cases, lambda case, seed: None), workers)
+        Runner(workers).run(SweepTasks(cases, lambda case, seed: None))
 
 
 def test_a_task_says_why_it_cannot_be_run_and_what_misleads() -> None:

@@ -16,10 +16,11 @@ from pretended import Pretended, asked
 from speeds import MAP, of_map
 
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.workers import given_workers
+from feeder_sim.jobs.workers import workers_of
 from feeder_sim.measures.statistic import LARGEST_OF_MANY
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.run.prepare import prepare
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, Start, load_scenario
 from feeder_sim.studies.speed_map import (
     MapPoint,
@@ -111,7 +112,7 @@ def test_an_interrupted_map_has_a_table_and_a_picture(tmp_path: Path, monkeypatc
     out, points = tmp_path / "m", 0
     for _ in range(2):
         executor = Interrupted(of_map)
-        monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda *_, with_=executor: given_workers(with_, 1))
+        monkeypatch.setattr("feeder_sim.studies.ask.workers_of", lambda _, on=executor: workers_of(Work(1, on)))
         done = feeder_sim(
             *("map", SCENARIO, "--frequency", "4000,5000,6000", "--amplitude", "1:6:14", "--seeds", 1, "--out", out)
         )
@@ -130,7 +131,7 @@ def test_uncertain_inputs_that_are_not_drawn_are_said(
     def refused(*_: Any, **__: Any) -> Any:
         raise InputError("refused here")
 
-    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda *_: given_workers(Pretended(of_map), 1))
+    monkeypatch.setattr("feeder_sim.studies.ask.workers_of", lambda _: workers_of(Work(1, Pretended(of_map))))
     monkeypatch.setattr("feeder_sim.studies.drift_map.making.make_map", refused)
     friction = "contact.friction = { uniform = [0.2, 0.4] }"
     (tmp_path / "u.toml").write_text(f"{SCENARIO.read_text()}\n[uncertain]\n{friction}\n")

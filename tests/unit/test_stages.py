@@ -22,6 +22,7 @@ from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import (
     Drive,
     Excitation,
@@ -138,7 +139,7 @@ def test_a_resumed_run_ends_its_stages_at_the_same_times(looks: int, count: int,
         start = {"kind": "scattered", "centre_mm": (18.0, 0.0), "size_mm": (9.0, 50.0)}
         wanted = wanted.changed({"part[0].count": count, "part[0].start": start})
     record_run(wanted, tmp_path / "whole", replay=False)
-    begun = record_run(wanted, tmp_path / "broken", stop=StopsAfter(looks), replay=False)
+    begun = record_run(wanted, tmp_path / "broken", work=Work(stop=StopsAfter(looks)), replay=False)
     assert begun.interrupted
     resume_run(tmp_path / "broken")
     whole, resumed = (read_recording(tmp_path / name / TRAJECTORY).records[0] for name in ("whole", "broken"))

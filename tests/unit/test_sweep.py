@@ -19,9 +19,10 @@ from swept import AMPLITUDE, Pretended, over, plan_of
 from feeder_sim.document.figure import empty_figure
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues
-from feeder_sim.jobs.workers import given_workers
+from feeder_sim.jobs.workers import workers_of
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plots.sweep import draw_line
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import load_scenario
 from feeder_sim.studies.study import csv_bytes
 from feeder_sim.studies.sweep.cases import Case, Effort
@@ -245,7 +246,9 @@ ASKED = ("sweep", REPOSITORY / "scenarios/drift_4750hz.toml")
 
 @pytest.fixture(autouse=True)
 def pretended_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
+    monkeypatch.setattr(
+        "feeder_sim.studies.ask.workers_of", lambda work: workers_of(Work(2, work.executor or Pretended()))
+    )
 
 
 def test_command(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from feeder_sim import InputError
-from feeder_sim.jobs.workers import dask_workers, local_workers
+from feeder_sim.jobs.workers import local_workers, on_cluster
+from feeder_sim.run.work import Work
 
 UNGUARDED = """
 import feeder_sim
@@ -42,5 +43,5 @@ def test_an_address_of_no_scheduler_is_refused_before_a_client_is_made(
     """A client that fails halfway says so once more when it is cleaned up, in a traceback."""
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(distributed, "Client", lambda *_, **__: pytest.fail("a client was made"))
-    with pytest.raises(InputError, match=f"--dask: is '{address}', must be an address"), dask_workers(address):
+    with pytest.raises(InputError, match=f"--dask: is '{address}', must be an address"), on_cluster(Work(), address):
         pass

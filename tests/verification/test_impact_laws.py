@@ -30,6 +30,7 @@ from feeder_sim.plate.zener import (
     restitution,
 )
 from feeder_sim.run.run_folder import record_run
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Rectangle, Run, Scenario, Start, Strip
 from feeder_sim.scene.part import zener_inelasticities
 from feeder_sim.scene.scene import Scene, build_scene
@@ -192,7 +193,7 @@ def test_a_run_by_a_law_that_mujoco_lacks_has_no_mjcf(tmp_path: Path) -> None:
         run=Run(duration_s=0.05, seeds=1),
     )
     notes: list[str] = []
-    record_run(scenario, tmp_path / "run", notify=notes.append)
+    record_run(scenario, tmp_path / "run", work=Work(notify=notes.append))
     assert (tmp_path / "run" / "summary.json").exists() and not (tmp_path / "run" / "scene.xml").exists()
     assert any("scene.xml is left out" in note for note in notes)
 

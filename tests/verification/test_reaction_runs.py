@@ -17,6 +17,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_shapes import RitzShape
 from feeder_sim.records.seed import Status
 from feeder_sim.run.run_folder import record_run, resume_run
+from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, with_run
 from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.scene import build_scene
@@ -53,7 +54,7 @@ def test_frames_change_nothing() -> None:
 def test_a_run_with_a_break_is_the_same_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ReactingEngine, "frames_per_block", 30)
     whole = record_run(CROWD, tmp_path / "whole", replay=False)
-    begun = record_run(CROWD, tmp_path / "run", stop=StopsAfter(3), replay=False)
+    begun = record_run(CROWD, tmp_path / "run", work=Work(stop=StopsAfter(3)), replay=False)
     assert begun.interrupted
     resumed = resume_run(tmp_path / "run", replay=False)
     assert whole.seeds[0].status == Status.DONE

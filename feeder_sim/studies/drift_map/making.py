@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +16,9 @@ from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import content_text
-from feeder_sim.run.simulation import run_ensemble
+from feeder_sim.run.simulation import simulate
+from feeder_sim.run.work import Work, silent
 from feeder_sim.scenario import (
     BendingPlate,
     CustomMaterial,
@@ -192,11 +189,7 @@ def make_map(
     seeds: int = SEEDS,
     measured_s: float = MEASURED_S,
     bins: int = BINS,
-    workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    stop: threading.Event | None = None,
-    notify: Callable[[str], None] | None = None,
-    executor: Executor | None = None,
+    work: Work | None = None,
 ) -> DriftMap:
     """Make the drift map of a part.
 
@@ -208,11 +201,7 @@ def make_map(
         seeds: runs at each of their pairs, which start anywhere on the wave; fewer at low speeds.
         measured_s: of every run, at most; shorter ones are more.
         bins: of the angle between antinode and node.
-        workers: as for `simulate`.
-        progress: called with the fraction done.
-        stop: set it to give up.
-        notify: takes a line for the user.
-        executor: as for `simulate`.
+        work: as for `simulate`; where it is stopped, there is no map.
 
     Raises:
         InputError: as for `made_of`, or no wave of a frequency.
@@ -221,7 +210,8 @@ def make_map(
     plate = RectangularPlate(1.0, 1.0, 1e-3 * strip.thickness_mm, resolve_material(strip.material))
     inputs = made_of(scenario, plate.thickness)
     shape = (len(frequencies_hz), len(speeds_m_s), bins)
-    how: dict[str, Any] = {"workers": workers, "executor": executor, "stop": stop, "notify": notify}
+    work = work or Work()
+    of_entry = replace(work, progress=silent)
     table, simulated, began = np.zeros((4, *shape)), 0.0, time.process_time()
     for i, frequency in enumerate(frequencies_hz):
         wavenumber = standing_wave(plate, frequency).wavenumber
@@ -232,16 +222,15 @@ def make_map(
                 lasts = min(measured_s, _to_node(plate, wavenumber, speed))
                 number = math.ceil(seeds_at(speed, seeds) * min(MOST_SEEDS, measured_s / lasts))
                 run = with_run(_on_strip(scenario, strip, wavelength_mm, frequency, speed, lasts), seeds=number)
-                result = run_ensemble(prepare(run), **how)
-                if stop is not None and stop.is_set():
+                result = simulate(run, work=of_entry)
+                if work.stop.is_set():
                     raise Interrupted("interrupted")
                 bin_values = _bins(result.trajectories, speed, wavenumber, bins)
                 units = (0.5 * plate.thickness * wavenumber * speed,) * 2 + (speed**3 / GRAVITY,) * 2
                 values = (bin_values.drift, bin_values.drift_se, bin_values.along, bin_values.across)
                 table[:, i, j] = [filled(value) / unit for value, unit in zip(values, units, strict=True)]
                 simulated += sum(float(frames.time[-1]) for frames in result.trajectories)
-            if progress:
-                progress((i * len(speeds_m_s) + j + 1) / (len(frequencies_hz) * len(speeds_m_s)))
+            work.progress((i * len(speeds_m_s) + j + 1) / (len(frequencies_hz) * len(speeds_m_s)))
     drift, drift_se, along, across = table
     of = np.array(frequencies_hz, float), np.array(speeds_m_s, float)
     return DriftMap(inputs, plate, *of, drift, drift_se, along, across, simulated, time.process_time() - began)

@@ -30,7 +30,7 @@ from feeder_sim.document.document import Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.ledger import Ledger
-from feeder_sim.jobs.runner import Bench
+from feeder_sim.jobs.runner import Runner
 from feeder_sim.jobs.task import RepeatedWarning, most_frequent, warnings_over
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.measures.statistic import Statistic, finite_or_none
@@ -126,14 +126,14 @@ class SearchPlan(Plan):
     def part(self, number: int, of: int) -> SearchPlan:
         raise InputError("is given, must be none: a search learns from all its trials", argument="task")
 
-    def run(self, bench: Bench) -> bool:
+    def run(self, runner: Runner) -> bool:
         question = self._question
         starts = []
-        if question.screen is not None and not (bench.folder and (bench.folder / LOG).exists()):
-            starts = first_recipes(self._space, self._aim, question.screen, question.recipes, bench.progress)
-            bench.say(f"{len(starts)} recipes of {question.recipes} begin the search")
+        if question.screen is not None and not (runner.folder and (runner.folder / LOG).exists()):
+            starts = first_recipes(self._space, self._aim, question.screen, question.recipes, runner.work.progress)
+            runner.work.notify(f"{len(starts)} recipes of {question.recipes} begin the search")
         budget = Budget(question.trials, question.budget_s or math.inf, question.check_seeds)
-        run = SearchRun(self._space, self._aim, budget, question.sampler, bench)
+        run = SearchRun(self._space, self._aim, budget, question.sampler, runner)
         self._history = run.history
         return run.run(starts)
 

@@ -19,13 +19,13 @@ from typing import Any
 
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.ledger import Ledger
-from feeder_sim.jobs.runner import Bench
+from feeder_sim.jobs.runner import Runner
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.search.proposals import LOG, Proposals, Sampler
 from feeder_sim.studies.search.space import Space
-from feeder_sim.studies.search.trials import Aim, Trial, TrialWork
+from feeder_sim.studies.search.trials import Aim, Trial, TrialTasks
 from feeder_sim.studies.sweep.cases import Case
 from feeder_sim.studies.sweep.design import Point
 
@@ -100,14 +100,14 @@ class SearchRun:
         aim: what is searched for.
         budget: when to end.
         sampler: of Optuna; CMA-ES takes numbers only.
-        bench: runs the seeds; Optuna's own journal is in its folder, or in memory.
+        runner: runs the seeds; Optuna's own journal is in its folder, or in memory.
 
     Attributes:
         history: what it has come to.
     """
 
-    def __init__(self, space: Space, aim: Aim, budget: Budget, sampler: Sampler, bench: Bench) -> None:
-        self._space, self._aim, self._budget, self._sampler, self._bench = space, aim, budget, sampler, bench
+    def __init__(self, space: Space, aim: Aim, budget: Budget, sampler: Sampler, runner: Runner) -> None:
+        self._space, self._aim, self._budget, self._sampler, self._runner = space, aim, budget, sampler, runner
         self._began = time.monotonic()
         self.history = History()
 
@@ -117,7 +117,7 @@ class SearchRun:
         Raises:
             InputError: Optuna is not installed, the sampler does not suit the space, or there is no such measure.
         """
-        folder, stop = self._bench.folder, self._bench.stop
+        folder, stop = self._runner.folder, self._runner.work.stop
         proposals = Proposals(folder / LOG if folder else None, self._space, self._aim, self._sampler, starts)
         trials_done = self.history.trials
         while len(trials_done) < self._budget.trials and self._spent() < 1.0 and not stop.is_set():
@@ -125,7 +125,7 @@ class SearchRun:
             size = min(size, self._budget.trials - len(trials_done))
             trials = [self._trial(number, point) for number, point in proposals.next(size)]
             if not trials_done and not any(trial.case and trial.case.done for trial in trials):
-                self._bench.say_foreign(len(self._bench.ledger))
+                self._runner.notify_foreign(len(self._runner.ledger))
             if not self._run(trials, self._aim, _best(trials_done, self._aim)):
                 return False
             trials_done += trials
@@ -133,8 +133,8 @@ class SearchRun:
                 self._note({"trial": trial.number, "point": trial.point}, trial)
             proposals.tell(trials)
         complete = not stop.is_set() and self._check()
-        if self._bench.progress and complete:
-            self._bench.progress(1.0)
+        if complete:
+            self._runner.work.progress(1.0)
         return complete
 
     def _spent(self) -> float:
@@ -143,13 +143,12 @@ class SearchRun:
         return min(max(seconds, len(self.history.trials) / self._budget.trials), 1.0)
 
     def _show(self, _: float) -> None:
-        if self._bench.progress:
-            self._bench.progress(TRIALS_SHARE * self._spent())
+        self._runner.work.progress(TRIALS_SHARE * self._spent())
 
     def _case_of(self, scenario: Scenario, point: Point) -> Case:
         """A scenario with the seeds of it that are done."""
         identity = identity_of(scenario)
-        return Case(scenario, identity, point, done=self._bench.ledger.seeds_of(identity))
+        return Case(scenario, identity, point, done=self._runner.ledger.seeds_of(identity))
 
     def _trial(self, number: int, point: Point) -> Trial:
         try:
@@ -159,7 +158,7 @@ class SearchRun:
 
     def _run(self, trials: Sequence[Trial], aim: Aim, best: Trial | None) -> bool:
         """Run the seeds that trials need; returns whether it came to the end."""
-        return self._bench.run(TrialWork([*trials], aim, best, self._bench.ledger.add), self._show)
+        return self._runner.run(TrialTasks([*trials], aim, best, self._runner.ledger.add), self._show)
 
     def _check(self) -> bool:
         """Run the finalists longer, then the best of them and the present recipe with fresh seeds; whether all was."""
@@ -186,8 +185,8 @@ class SearchRun:
 
     def _note(self, entry: dict[str, Any], trial: Trial) -> None:
         """Keep in the journal what a trial, or a check, was."""
-        case = self._bench.ledger.case_of(trial.case.identity) if trial.case else ""
-        self._bench.ledger.note(entry | {"case": case, "stopped": trial.stopped, "refused": trial.refused})
+        case = self._runner.ledger.case_of(trial.case.identity) if trial.case else ""
+        self._runner.ledger.note(entry | {"case": case, "stopped": trial.stopped, "refused": trial.refused})
 
 
 def read_history(ledger: Ledger, space: Space, aim: Aim, check_seeds: int) -> History:

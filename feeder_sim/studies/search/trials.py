@@ -127,7 +127,7 @@ def is_worse(values: list[float], best: list[float], aim: Aim) -> bool:
     return improvement.mean + half_interval(improvement.se, improvement.n, 2.0 * SURE - 1.0) < 0.0  # to one side
 
 
-class TrialWork:
+class TrialTasks:
     """The seeds that trials still need; all are held against the one that was best before them."""
 
     def __init__(

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from feeder_sim.errors import InputError, Unknown
 from feeder_sim.jobs.ledger import Ledger
-from feeder_sim.jobs.runner import Bench
+from feeder_sim.jobs.runner import Runner
 from feeder_sim.jobs.task import RepeatedWarning, SeedValues, Task, warnings_over
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.provenance import identity_of
@@ -231,13 +231,13 @@ class Cases:
             for seed in case.done.values():
                 check_measure(self.effort.measure, seed.values)
 
-    def run(self, bench: Bench) -> bool:
+    def run(self, runner: Runner) -> bool:
         """Run what is not done; returns whether it came to the end.
 
         Raises:
             InputError: there is no such measure as the effort looks at.
         """
-        return bench.run(SweepWork(self, bench.ledger.add))
+        return runner.run(SweepTasks(self, runner.ledger.add))
 
     @property
     def uncertain(self) -> bool:
@@ -282,7 +282,7 @@ class Cases:
         return warnings_over([seed for case in row for seed in case.seeds(self.effort)] for row in self.cases)
 
 
-class SweepWork:
+class SweepTasks:
     """The seeds of all cases that are still to be run, handed out in order, or in turn."""
 
     def __init__(self, cases: Cases, record: Callable[[str, Point, SeedValues], None]) -> None:
@@ -348,8 +348,8 @@ class CasesPlan:
     def part(self, number: int, of: int) -> CasesPlan:
         return replace(self, cases=self.cases.part(number, of))
 
-    def run(self, bench: Bench) -> bool:
-        return self.cases.run(bench)
+    def run(self, runner: Runner) -> bool:
+        return self.cases.run(runner)
 
     def study(self, complete: bool, foreign_seeds: int) -> Study:
         return self.answer(self.cases, complete, foreign_seeds)
