@@ -85,23 +85,6 @@ class Room(NamedTuple):
     matrix: NDArray[np.float64]
 
 
-def room_for(bodies: int, contacts: int, shapes: int) -> Room:
-    """Room for so many bodies, contacts and modes."""
-    size, width = 6 * bodies + shapes, 6 + max(6, shapes)
-    return Room(
-        rows=np.zeros((contacts, DIRECTIONS, width)),
-        push=np.zeros((contacts, DIRECTIONS, width)),
-        place=np.zeros((contacts, 4), np.int64),
-        value=np.zeros((9, contacts, DIRECTIONS)),
-        limit=np.zeros((contacts, 2)),
-        target=np.zeros(contacts),
-        law=np.zeros((contacts, DIRECTIONS, DIRECTIONS)),
-        bent=np.zeros((DIRECTIONS, width)),
-        motion=np.zeros((3, size)),
-        matrix=np.zeros((size, size)),
-    )
-
-
 @inlined
 def relative(room, i, k):
     """Relative velocity [m/s], or spin [rad/s], in direction k at contact i."""

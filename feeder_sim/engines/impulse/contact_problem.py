@@ -47,7 +47,6 @@ from feeder_sim.engines.impulse.contact_equations import (
     forget,
     make_motion,
     relative,
-    room_for,
     sweeps_settle,
 )
 from feeder_sim.engines.impulse.limited_friction import settle
@@ -61,7 +60,7 @@ from feeder_sim.engines.impulse.single_impact import (
     tangents,
 )
 from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, plus, times, vector, write_to
-from feeder_sim.machine_code import inlined, uncounted
+from feeder_sim.machine_code import compiled, inlined, uncounted
 
 ARM_FIRST, ARM_SECOND, NORMAL, VELOCITY, IMPULSE, MOMENT = range(6)  # of Contacts.vector
 RESTITUTION, FRICTION, ROLLING, TARGET = range(4)  # of Contacts.number
@@ -113,6 +112,7 @@ class Contacts(NamedTuple):
 
 def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Contacts]:
     """Room for so many bodies, contacts and modes; fewer bodies and contacts may be solved in it."""
+    size, width = 6 * bodies + shapes, 6 + max(6, shapes)
     return (
         Bodies(np.zeros((bodies, 3)), np.zeros((bodies, 3)), np.zeros(bodies), np.zeros((bodies, 6))),
         Contacts(
@@ -120,9 +120,23 @@ def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Conta
             np.zeros((6, contacts, 3)),
             np.zeros((4, contacts)),
             Modes(np.zeros(shapes), np.zeros((contacts, shapes, 3)), np.zeros(shapes)),
-            room_for(bodies, contacts, shapes),
+            Room(
+                np.zeros((contacts, DIRECTIONS, width)),
+                np.zeros((contacts, DIRECTIONS, width)),
+                np.zeros((contacts, 4), np.int64),
+                np.zeros((9, contacts, DIRECTIONS)),
+                np.zeros((contacts, 2)),
+                np.zeros(contacts),
+                np.zeros((contacts, DIRECTIONS, DIRECTIONS)),
+                np.zeros((DIRECTIONS, width)),
+                np.zeros((3, size)),
+                np.zeros((size, size)),
+            ),
         ),
     )
+
+
+make_room = compiled(new_room)
 
 
 @inlined

@@ -14,29 +14,32 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.components import rest
+from feeder_sim.engines.impulse.components import lay_to_rest
+from feeder_sim.engines.impulse.crowd import (
+    Crowd,
+    Span,
+    WindowResult,
+    find_neighbours,
+    has_left,
+    longest_distance,
+    open_parts,
+    own_islands,
+    own_pairs,
+    reach_of,
+)
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.pairs.collision import meet
 from feeder_sim.engines.impulse.pairs.due import meeting_bound
 from feeder_sim.engines.impulse.pairs.hulls import Hulls
-from feeder_sim.engines.impulse.pairs.neighbours import Islands
 from feeder_sim.engines.impulse.pairs.separating_axis import Meeting
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.scratch import Scratch
-from feeder_sim.engines.impulse.state import ALONE, ASLEEP, Kinds, fly_to, in_pieces
+from feeder_sim.engines.impulse.state import ALONE, ASLEEP, fly_to
+from feeder_sim.engines.impulse.surroundings import Plate
+from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import borrow, compiled, entry_point, inlined, uncounted
-
-
-class Crowd(NamedTuple):
-    """The parts of a window: state of each, now and at its begin, pairs that can meet, and their islands."""
-
-    parts: NDArray[np.void]
-    begun: NDArray[np.void]
-    pairs: NDArray[np.void]
-    kinds: Kinds
-    islands: Islands
 
 
 class Tools(NamedTuple):
@@ -45,21 +48,6 @@ class Tools(NamedTuple):
     hulls: Hulls
     work: Scratch
     meeting: Meeting
-
-
-class Share(NamedTuple):
-    """Thread that every island belongs to, and this thread."""
-
-    owner: NDArray[np.int64]
-    thread: int
-
-
-class Span(NamedTuple):
-    """A window: begin and end [s], and how far from its place at the begin a part may come [m]."""
-
-    start: float
-    end: float
-    reach: float
 
 
 class Agenda(NamedTuple):
@@ -75,20 +63,34 @@ class Agenda(NamedTuple):
 
 
 @entry_point
-def advance_islands(share, crowd, plate, tools, span, frames, lying):
-    """Advance the islands of a thread to the end of a window, and write their frames; or put to sleep what is `lying`.
+def advance_islands(window, parts, n_free, kinds, drive, tools, frames):
+    """Advance the islands of a thread through a window, and write their frames; returns a `WindowResult`.
 
-    Both in one, since each entry point compiles all that it calls, and both solve contacts. Returns whether a part has
-    come farther than the reach that its possible neighbours were found for.
+    parts: where their state is written to, shared by all threads; those from n_free on are walls. On a calm plate what
+    lies still at the end of the window is put to sleep.
     """
-    owner = share.owner
-    left = False
-    if lying.found.member.shape[0] > 0:
-        rest(lying, crowd, plate, tools, span.end)
-        return left
-    for island in range(owner.shape[0]):
-        if owner[island] == share.thread:
+    begun = window.initial.copy()
+    acting = acting_terms(drive.surface, window.start, window.end)
+    bounds = bound_window(acting, drive, window.start, window.end)
+    open_parts(begun, n_free, bounds)
+    reach = reach_of(begun, n_free, kinds, bounds, window)
+    pairs, islands = find_neighbours(begun, n_free, kinds, acting, reach, window.pairs)
+    crowd = Crowd(parts, borrow(begun), borrow(pairs), kinds, borrow(islands))
+    own = own_islands(window, crowd)
+    left = _advance_all(own, crowd, Plate(borrow(acting), borrow(bounds), None), tools, window, reach, frames)
+    distance = longest_distance(own, crowd) if left else 0.0
+    alive = begun.shape[0] + acting.rate.shape[0] + bounds.amplitude.shape[0] >= 0  # what was borrowed lives until here
+    return WindowResult(pairs, own_pairs(own, islands), reach, distance if alive else 0.0)
+
+
+@compiled
+def _advance_all(own, crowd, plate, tools, window, reach, frames):
+    span, left = Span(window.start, window.until, reach), False
+    for island in range(own.shape[0]):
+        if own[island]:
             left |= _advance_island(island, crowd, plate, tools, span, frames)
+    if not left and plate.bounds.calm and window.until == window.end and frames.interrupt[ENDED] == 0:
+        lay_to_rest(own, crowd, plate, tools, span.end)
     return left
 
 
@@ -198,27 +200,6 @@ def look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
             if near:
                 due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])
             set_due(agenda.tree, event, due)
-
-
-@inlined
-def has_left(i, crowd, reach):
-    """Whether a part is farther from its place at the begin of the window than its neighbours were looked for."""
-    return _squared_way(crowd.parts[i], crowd.begun[i], crowd.kinds.record[crowd.parts[i].kind]) > reach * reach
-
-
-@inlined
-def _squared_way(part, begun, kind):
-    """Square of the way that a part has come [m^2]; or of what the centres of its pieces have at most, by turning."""
-    squared = 0.0
-    for k in range(3):
-        squared += (part.position[k] - begun.position[k]) ** 2
-    if in_pieces(kind):
-        turned = 0.0
-        for i in range(3):
-            for k in range(3):
-                turned += (part.attitude[i, k] - begun.attitude[i, k]) ** 2
-        squared = max(squared, turned * kind.reach * kind.reach)
-    return squared
 
 
 @compiled

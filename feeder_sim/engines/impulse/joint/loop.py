@@ -6,20 +6,33 @@ plate has windows of its own, longer than those in which pairs are found, so tha
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.crowd import reach_of
+from feeder_sim.engines.impulse.crowd import (
+    Span,
+    WindowResult,
+    find_neighbours,
+    has_left,
+    longest_distance,
+    own_islands,
+    own_pairs,
+    reach_of,
+)
 from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_part.loop import FreePart
 from feeder_sim.engines.impulse.free_part.ride import bring
 from feeder_sim.engines.impulse.free_part.step import step
-from feeder_sim.engines.impulse.island import Agenda, all_due, earliest_of, has_left, set_due
+from feeder_sim.engines.impulse.island import Agenda, all_due, earliest_of, set_due
 from feeder_sim.engines.impulse.joint.component import SLOW, look_together
 from feeder_sim.engines.impulse.joint.pair_bound import pair_bound, release
 from feeder_sim.engines.impulse.pairs.collision import meet, slowest_parting
+from feeder_sim.engines.impulse.pairs.neighbours import Islands
 from feeder_sim.engines.impulse.rest import wake
-from feeder_sim.engines.impulse.state import ALONE, ASLEEP, AWAKE, FREE, orthonormalise_parts
+from feeder_sim.engines.impulse.state import ALONE, ASLEEP, AWAKE, FREE, Kinds, orthonormalise_parts
 from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import borrow, compiled, entry_point, inlined, uncounted
@@ -30,6 +43,17 @@ REPEATS = 3  # looks more at the time of a hit, at what has been hit by others m
 AS_IT_FLEW = 1e-9  # [m/s]; a speed that has changed by no more has not
 
 
+class Crowd(NamedTuple):
+    """As `crowd.Crowd`; loads (parts, points, 6): what the points of each part bore last, force [N], moment [N m]."""
+
+    parts: NDArray[np.void]
+    begun: NDArray[np.void]
+    pairs: NDArray[np.void]
+    kinds: Kinds
+    islands: Islands
+    loads: NDArray[np.float64]
+
+
 @entry_point
 def open_plate(drive, start, end):
     """Terms that act, and bounds, of a window of the plate."""
@@ -38,29 +62,31 @@ def open_plate(drive, start, end):
 
 
 @entry_point
-def open_parts(parts, n, kinds, bounds, start, duration, anew):
-    """Wake parts that a plate moves; returns how far any part comes within a window [m].
+def advance_together(window, plate_opens, parts, loads, kinds, plate, tools, frames):
+    """As `advance_islands`; loads: as of `Crowd`. The plate has windows of its own; with this one one may open."""
+    begun, n = window.initial.copy(), window.initial.shape[0]
+    _open_parts(begun, window.start, plate_opens, plate.bounds)
+    reach = reach_of(begun, n, kinds, plate.bounds, window)
+    pairs, islands = find_neighbours(begun, n, kinds, plate.surface, reach, window.pairs)
+    crowd = Crowd(parts, borrow(begun), borrow(pairs), kinds, borrow(islands), loads)
+    own, span, left = own_islands(window, crowd), Span(window.start, window.until, reach), False
+    for island in range(own.shape[0]):
+        if own[island]:
+            left |= _advance_island(island, crowd, plate, tools, span, frames)
+    distance = longest_distance(own, crowd) if left else 0.0
+    alive = begun.shape[0] >= 0  # what was borrowed lives until here
+    return WindowResult(pairs, own_pairs(own, islands), reach, distance if alive else 0.0)
 
-    anew: the window of the plate begins, and every part is looked at.
-    """
-    for i in range(n):
-        if anew:
+
+@compiled
+def _open_parts(parts, start, plate_opens, bounds):
+    """Wake parts that a plate moves; all are due where a window of the plate opens."""
+    for i in range(parts.shape[0]):
+        if plate_opens:
             parts[i].due = start
         if parts[i].there == ASLEEP and not bounds.calm:
             parts[i].there, parts[i].clock, parts[i].due = AWAKE, start, start
-    orthonormalise_parts(parts, n)
-    return reach_of(parts, n, kinds, bounds, duration)
-
-
-@entry_point
-def advance_together(share, crowd, plate, tools, span, frames):
-    """As `advance_islands`."""
-    owner = share.owner
-    left = False
-    for island in range(owner.shape[0]):
-        if owner[island] == share.thread:
-            left |= _advance_island(island, crowd, plate, tools, span, frames)
-    return left
+    orthonormalise_parts(parts, parts.shape[0])
 
 
 @compiled
