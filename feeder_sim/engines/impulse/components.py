@@ -28,7 +28,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     solve,
 )
 from feeder_sim.engines.impulse.impact import load_body
-from feeder_sim.engines.impulse.pairs.collision import look_at_pair
+from feeder_sim.engines.impulse.pairs.collision import check_pair
 from feeder_sim.engines.impulse.pairs.due import SLACK, extent
 from feeder_sim.engines.impulse.pairs.neighbours import grouped, root_of
 from feeder_sim.engines.impulse.plate_contact import contact_of, points_over_plate
@@ -91,7 +91,7 @@ def _still_components(own, crowd):
     for i in range(n_free):
         if is_own[i]:
             root[i] = root_of(root, i)
-            moves[root[i]] |= not _has_stayed(parts[i], crowd.begun[i], kinds.record[parts[i].kind])
+            moves[root[i]] |= not _has_stayed(parts[i], crowd.initial[i], kinds.record[parts[i].kind])
             awake[root[i]] |= parts[i].there == AWAKE
     number, count = np.full(n_free, -1), 0
     for i in range(n_free):
@@ -121,14 +121,14 @@ def _touch(pair, parts, kinds):
 
 
 @inlined
-def _has_stayed(part, begun, kind):
+def _has_stayed(part, initial, kind):
     """Whether no point of a part has moved since the begin of the window."""
-    way = difference(part.position, begun.position)
+    displacement = difference(part.position, initial.position)
     turned = 0.0
     for i in range(3):
         for k in range(3):
-            turned += (part.attitude[i, k] - begun.attitude[i, k]) ** 2
-    return math.sqrt(dot(way, way)) + math.sqrt(turned) * kind.reach <= STAYED
+            turned += (part.attitude[i, k] - initial.attitude[i, k]) ** 2
+    return math.sqrt(dot(displacement, displacement)) + math.sqrt(turned) * kind.reach <= STAYED
 
 
 @compiled
@@ -147,15 +147,15 @@ def _rest(still, crowd, plate, tools, bodies, contacts, t):
 
 
 @compiled
-def _gather(c, found, crowd, plate, tools, bodies, contacts, t):
+def _gather(c, components, crowd, plate, tools, bodies, contacts, t):
     """Write bodies and contacts of component c; returns the number of contacts."""
-    n, first = 0, found.first_member[c]
-    for k in range(first, found.first_member[c + 1]):
-        part = crowd.parts[found.member[k]]
+    n, first = 0, components.first_member[c]
+    for k in range(first, components.first_member[c + 1]):
+        part = crowd.parts[components.member[k]]
         load_body(k - first, part, crowd.kinds.record[part.kind], bodies)
         n = _gather_plate(k - first, part, crowd.kinds, plate, t, n, contacts, tools.work)
-    for k in range(found.first_pair[c], found.first_pair[c + 1]):
-        n = _gather_pair(crowd.pairs[found.pair[k]], found.body, crowd, n, contacts, tools)
+    for k in range(components.first_pair[c], components.first_pair[c + 1]):
+        n = _gather_pair(crowd.pairs[components.pair[k]], components.body, crowd, n, contacts, tools)
     return n
 
 
@@ -196,9 +196,9 @@ def _gather_pair(pair, body, crowd, n, contacts, tools):
     parts, kinds = crowd.parts, crowd.kinds
     a, b = parts[pair.a], parts[pair.b]
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
-    _, found, _ = look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
+    _, components, _ = check_pair(pair, a, kind_a, b, kind_b, kinds, tools)
     from_b, axis, wall = difference(a.position, b.position), pair.axis, body[pair.b] < 0
-    for i in range(found):
+    for i in range(components):
         at = vector(tools.meeting.point[i])
         if wall:
             place = at, (-axis[0], -axis[1], -axis[2]), (0.0, 0.0, 0.0)

@@ -67,7 +67,7 @@ class Crowd(NamedTuple):
     """The parts of a window: state of each, now and at its begin, pairs that can meet, and their islands."""
 
     parts: NDArray[np.void]
-    begun: NDArray[np.void]
+    initial: NDArray[np.void]
     pairs: NDArray[np.void]
     kinds: Kinds
     islands: Islands
@@ -83,11 +83,11 @@ def open_parts(parts, n_free, bounds):
 
 
 @compiled
-def find_neighbours(begun, n_free, kinds, surface, reach, pairs):
+def find_neighbours(initial, n_free, kinds, surface, reach, pairs):
     """Pairs that can meet while every part stays within its reach [m], and their islands; old pairs keep their axis."""
     room = Room(surface.grid_x[-1], surface.grid_y[-1], reach)
-    meeting = find_pairs(begun, kinds, n_free, room, pairs)
-    return meeting, find_islands(begun, n_free, meeting)
+    meeting = find_pairs(initial, kinds, n_free, room, pairs)
+    return meeting, find_islands(initial, n_free, meeting)
 
 
 @compiled
@@ -98,7 +98,7 @@ def own_islands(window, crowd):
     for island in range(own.shape[0]):
         if own[island]:
             for k in range(islands.first_part[island], islands.first_part[island + 1]):
-                crowd.parts[islands.part[k]] = crowd.begun[islands.part[k]]
+                crowd.parts[islands.part[k]] = crowd.initial[islands.part[k]]
     return own
 
 
@@ -120,7 +120,7 @@ def longest_distance(own, crowd):
         if own[island]:
             for k in range(islands.first_part[island], islands.first_part[island + 1]):
                 i = islands.part[k]
-                squared = squared_distance(crowd.parts[i], crowd.begun[i], crowd.kinds.record[crowd.parts[i].kind])
+                squared = squared_distance(crowd.parts[i], crowd.initial[i], crowd.kinds.record[crowd.parts[i].kind])
                 if not math.isfinite(squared):
                     return np.nan
                 longest = max(longest, squared)
@@ -130,20 +130,20 @@ def longest_distance(own, crowd):
 @inlined
 def has_left(i, crowd, reach):
     """Whether a part is farther from its place at the begin of the window than its neighbours were looked for."""
-    return squared_distance(crowd.parts[i], crowd.begun[i], crowd.kinds.record[crowd.parts[i].kind]) > reach * reach
+    return squared_distance(crowd.parts[i], crowd.initial[i], crowd.kinds.record[crowd.parts[i].kind]) > reach * reach
 
 
 @inlined
-def squared_distance(part, begun, kind):
+def squared_distance(part, initial, kind):
     """Square of how far a part has come, or the centres of its pieces at most by turning [m^2]."""
     squared = 0.0
     for k in range(3):
-        squared += (part.position[k] - begun.position[k]) ** 2
+        squared += (part.position[k] - initial.position[k]) ** 2
     if in_pieces(kind):
         turned = 0.0
         for i in range(3):
             for k in range(3):
-                turned += (part.attitude[i, k] - begun.attitude[i, k]) ** 2
+                turned += (part.attitude[i, k] - initial.attitude[i, k]) ** 2
         squared = max(squared, turned * kind.reach * kind.reach)
     return squared
 

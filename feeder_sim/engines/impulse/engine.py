@@ -124,11 +124,10 @@ class ImpulseEngine(PartsEngine):
         frames.row[:, absent] = self._row[absent]
         self._place_at_begin()
         self._pairs = self._pairs_before[:0]
-        reach = 0.0
+        (start, end), reach = self._span, 0.0
         while len(absent) < self._n:
-            results = self._advance_shares(
-                Window(self._opened, self._pairs_before, *self._span, until, reach, 0, 1), frames
-            )
+            window = Window(self._opened, self._pairs_before, start, end, until, reach, thread=0, threads=1)
+            results = self._advance_shares(window, frames)
             self._pairs = results[0].pairs
             for result in results[1:]:
                 self._pairs[result.own] = result.pairs[result.own]

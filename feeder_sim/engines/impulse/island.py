@@ -50,7 +50,7 @@ class Tools(NamedTuple):
     meeting: Meeting
 
 
-class Agenda(NamedTuple):
+class EventQueue(NamedTuple):
     """When the events of one island are due: first those of its parts, then those of its pairs.
 
     tree: see `all_due`; first_part, first_pair: of the island, in `Islands`; n_parts: of the island.
@@ -69,17 +69,18 @@ def advance_islands(window, parts, n_free, kinds, drive, tools, frames):
     parts: where their state is written to, shared by all threads; those from n_free on are walls. On a calm plate what
     lies still at the end of the window is put to sleep.
     """
-    begun = window.initial.copy()
+    initial = window.initial.copy()
     acting = acting_terms(drive.surface, window.start, window.end)
     bounds = bound_window(acting, drive, window.start, window.end)
-    open_parts(begun, n_free, bounds)
-    reach = reach_of(begun, n_free, kinds, bounds, window)
-    pairs, islands = find_neighbours(begun, n_free, kinds, acting, reach, window.pairs)
-    crowd = Crowd(parts, borrow(begun), borrow(pairs), kinds, borrow(islands))
+    open_parts(initial, n_free, bounds)
+    reach = reach_of(initial, n_free, kinds, bounds, window)
+    pairs, islands = find_neighbours(initial, n_free, kinds, acting, reach, window.pairs)
+    crowd = Crowd(parts, borrow(initial), borrow(pairs), kinds, borrow(islands))
     own = own_islands(window, crowd)
     left = _advance_all(own, crowd, Plate(borrow(acting), borrow(bounds), None), tools, window, reach, frames)
     distance = longest_distance(own, crowd) if left else 0.0
-    alive = begun.shape[0] + acting.rate.shape[0] + bounds.amplitude.shape[0] >= 0  # what was borrowed lives until here
+    # What was borrowed lives until here.
+    alive = initial.shape[0] + acting.rate.shape[0] + bounds.amplitude.shape[0] >= 0
     return WindowResult(pairs, own_pairs(own, islands), reach, distance if alive else 0.0)
 
 
@@ -101,7 +102,7 @@ def _advance_island(island, crowd, plate, tools, span, frames):
     first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
     n = last - first
     tree = all_due(n + last_pair - first_pair, span.start)
-    agenda = Agenda(borrow(tree), first, n, first_pair)
+    queue = EventQueue(borrow(tree), first, n, first_pair)
     for k in range(n):
         if parts[islands.part[first + k]].there == ASLEEP:
             set_due(tree, k, np.inf)
@@ -111,9 +112,9 @@ def _advance_island(island, crowd, plate, tools, span, frames):
         while tree[1] < stop and frames.interrupt[ENDED] == 0:
             t, event = tree[1], earliest_of(tree)
             if event < n:
-                left |= _look_at_part(event, t, agenda, crowd, plate, tools.work, span.reach)
+                left |= _check_part(event, t, queue, crowd, plate, tools.work, span.reach)
             else:
-                left |= look_at_pair(event, t, agenda, crowd, plate.bounds, tools, span.reach)
+                left |= check_pair(event, t, queue, crowd, plate.bounds, tools, span.reach)
         for k in range(first, last):
             i = islands.part[k]
             if frame < frames.time.shape[0]:
@@ -125,48 +126,48 @@ def _advance_island(island, crowd, plate, tools, span, frames):
 
 
 @inlined
-def _look_at_part(event, t, agenda, crowd, plate, work, reach):
+def _check_part(event, t, queue, crowd, plate, work, reach):
     """A part over the plate; returns whether it has come farther than its reach."""
-    i = crowd.islands.part[agenda.first_part + event]
+    i = crowd.islands.part[queue.first_part + event]
     part = crowd.parts[i]
     fly_to(part, crowd.kinds.record[part.kind], t)
     left = has_left(i, crowd, reach)
     leap, hit = meet_plate(i, crowd.parts, crowd.kinds, plate.surface, plate.bounds, t, work)
-    set_due(agenda.tree, event, t + leap)
+    set_due(queue.tree, event, t + leap)
     if hit:
         alone = crowd.islands.first_touching[i] == crowd.islands.first_touching[i + 1]
         if plate.bounds.calm and alone and fall_asleep(part, crowd.kinds, plate.surface, work):
-            set_due(agenda.tree, event, np.inf)
-        look_again_at_pairs(i, -1, t, agenda, crowd, plate.bounds)
+            set_due(queue.tree, event, np.inf)
+        recheck_pairs(i, -1, t, queue, crowd, plate.bounds)
     return left
 
 
 @inlined
-def look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
+def check_pair(event, t, queue, crowd, bounds, tools, reach):
     """A pair of parts; returns whether one of them has come farther than its reach."""
     parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
-    p = islands.pair[agenda.first_pair + event - agenda.n_parts]
+    p = islands.pair[queue.first_pair + event - queue.n_parts]
     pair = crowd.pairs[p]
     left = False
     due, near = meeting_bound(pair, parts, kinds, t, bounds)
     if near:
         hit, _ = meet(pair, parts, kinds, 0.0, tools)
         if hit:
-            _wake_with(pair.a, p, t, agenda, crowd, bounds)
-            _wake_with(pair.b, p, t, agenda, crowd, bounds)
+            _wake_with(pair.a, p, t, queue, crowd, bounds)
+            _wake_with(pair.b, p, t, queue, crowd, bounds)
         due, near = meeting_bound(pair, parts, kinds, t, bounds)
         if hit:
             for i in (pair.a, pair.b):
                 if i < islands.place.shape[0]:  # walls have no events
                     left |= has_left(i, crowd, reach)
-                    set_due(agenda.tree, islands.place[i] - agenda.first_part, t)
-                    look_again_at_pairs(i, p, t, agenda, crowd, bounds)
-    set_due(agenda.tree, event, due)
+                    set_due(queue.tree, islands.place[i] - queue.first_part, t)
+                    recheck_pairs(i, p, t, queue, crowd, bounds)
+    set_due(queue.tree, event, due)
     return left
 
 
 @uncounted
-def _wake_with(i, except_pair, t, agenda, crowd, bounds):
+def _wake_with(i, except_pair, t, queue, crowd, bounds):
     """Wake a part at time t, and all that sleep with it."""
     parts, number = crowd.parts, crowd.parts[i].asleep_with
     if parts[i].there != ASLEEP:
@@ -174,17 +175,17 @@ def _wake_with(i, except_pair, t, agenda, crowd, bounds):
     wake(parts[i])
     if number == ALONE:
         return
-    for k in range(agenda.n_parts):
-        j = crowd.islands.part[agenda.first_part + k]
+    for k in range(queue.n_parts):
+        j = crowd.islands.part[queue.first_part + k]
         if parts[j].there == ASLEEP and parts[j].asleep_with == number:
             parts[j].clock = t
             wake(parts[j])
-            set_due(agenda.tree, k, t)
-            look_again_at_pairs(j, except_pair, t, agenda, crowd, bounds)
+            set_due(queue.tree, k, t)
+            recheck_pairs(j, except_pair, t, queue, crowd, bounds)
 
 
 @inlined
-def look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
+def recheck_pairs(i, except_pair, t, queue, crowd, bounds):
     """Make the pairs of a part due anew after its velocity has changed at time t.
 
     For touching pairs keep the earlier of the old and new due time; otherwise frequent impacts on the plate postpone it
@@ -196,10 +197,10 @@ def look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
         p = islands.pair[place]
         if p != except_pair:
             due, near = meeting_bound(crowd.pairs[p], crowd.parts, crowd.kinds, t, bounds)
-            event = agenda.n_parts + place - agenda.first_pair
+            event = queue.n_parts + place - queue.first_pair
             if near:
-                due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])
-            set_due(agenda.tree, event, due)
+                due = min(due, queue.tree[queue.tree.shape[0] // 2 + event])
+            set_due(queue.tree, event, due)
 
 
 @compiled

@@ -72,7 +72,8 @@ class JointEngine(ImpulseEngine):
         if not self._plate_span[0] <= start < self._plate_span[1] - 1e-9:
             self._plate_span[:] = start, start + WINDOW
             # Bounds outlast the window: nothing is due at its very end.
-            self._plate = lasting(Plate(*open_plate(self._drive(WINDOW), start, start + WINDOW + 1e-5), self._wall))
+            terms, bounds = open_plate(self._drive(WINDOW), start, start + WINDOW + 1e-5)
+            self._plate = lasting(Plate(terms, bounds, self._wall))
 
     def _place_at_begin(self) -> None:
         super()._place_at_begin()

@@ -34,11 +34,11 @@ from feeder_sim.engines.impulse.crowd import (
 from feeder_sim.engines.impulse.flight_time import shortest_flight
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.island import (
-    Agenda,
+    EventQueue,
     all_due,
+    check_pair,
     earliest_of,
-    look_again_at_pairs,
-    look_at_pair,
+    recheck_pairs,
     set_due,
 )
 from feeder_sim.engines.impulse.plate_contact import meet_plate
@@ -97,10 +97,10 @@ def _bounds(acting, start, end, limits):
 @compiled
 def _has_changed(changed, margin):
     """Whether the reaction has changed by more than the margin of a shape."""
-    found = False
+    has_changed = False
     for s in range(margin.shape[0]):
-        found = found or changed[s].real ** 2 + changed[s].imag ** 2 > margin[s] ** 2
-    return found
+        has_changed = has_changed or changed[s].real ** 2 + changed[s].imag ** 2 > margin[s] ** 2
+    return has_changed
 
 
 @entry_point
@@ -109,13 +109,13 @@ def advance_reacting(window, parts, n_free, kinds, limits, tools, frames):
 
     The last terms of the surface are the reaction.
     """
-    begun, n_shapes = window.initial.copy(), limits.margin.shape[0]
+    initial, n_shapes = window.initial.copy(), limits.margin.shape[0]
     acting = acting_terms(limits.drive.surface, window.start, window.end, n_shapes)
     bounds = _bounds(acting, window.start, window.end, limits)
-    open_parts(begun, n_free, bounds)
-    reach = reach_of(begun, n_free, kinds, bounds, window)
-    pairs, islands = find_neighbours(begun, n_free, kinds, acting, reach, window.pairs)
-    crowd = Crowd(parts, borrow(begun), borrow(pairs), kinds, borrow(islands))
+    open_parts(initial, n_free, bounds)
+    reach = reach_of(initial, n_free, kinds, bounds, window)
+    pairs, islands = find_neighbours(initial, n_free, kinds, acting, reach, window.pairs)
+    crowd = Crowd(parts, borrow(initial), borrow(pairs), kinds, borrow(islands))
     own, calm, acceleration = own_islands(window, crowd), bounds.calm, bounds.acceleration.copy()
     span, surface = Span(window.start, window.until, reach), borrow(acting)
     left = _advance(crowd, surface, borrow(bounds), tools, span, frames, limits)
@@ -131,7 +131,7 @@ def advance_reacting(window, parts, n_free, kinds, limits, tools, frames):
             z.imag,
             acting.term_start[first + s],
         )
-    alive = begun.shape[0] + bounds.amplitude.shape[0] >= 0  # what was borrowed lives until here
+    alive = initial.shape[0] + bounds.amplitude.shape[0] >= 0  # what was borrowed lives until here
     return WindowResult(pairs, own_pairs(own, islands), reach, distance if alive else 0.0)
 
 
@@ -140,7 +140,7 @@ def _advance(crowd, surface, bounds, tools, span, frames, limits):
     islands, parts, kinds = crowd.islands, crowd.parts, crowd.kinds
     n = islands.part.shape[0]
     tree = all_due(n + islands.pair.shape[0], span.start)
-    agenda = Agenda(borrow(tree), 0, n, 0)
+    queue = EventQueue(borrow(tree), 0, n, 0)
     changed = tools.work.yielding.changed
     changed[:] = 0.0
     for k in range(n):
@@ -152,7 +152,7 @@ def _advance(crowd, surface, bounds, tools, span, frames, limits):
         while tree[1] < stop and frames.interrupt[ENDED] == 0:
             t, event = tree[1], earliest_of(tree)
             if event >= n:
-                left |= look_at_pair(event, t, agenda, crowd, bounds, tools, span.reach)
+                left |= check_pair(event, t, queue, crowd, bounds, tools, span.reach)
                 continue
             i = islands.part[event]
             part = parts[i]
@@ -164,10 +164,10 @@ def _advance(crowd, surface, bounds, tools, span, frames, limits):
                 continue
             if _has_changed(changed, limits.margin):
                 bounds = _renewed(surface, bounds, t, changed, limits)
-                _look_again(t, agenda, crowd, bounds)
+                _recheck(t, queue, crowd, bounds)
             if bounds.calm and fall_asleep(part, kinds, surface, tools.work):
                 set_due(tree, event, np.inf)
-            look_again_at_pairs(i, -1, t, agenda, crowd, bounds)
+            recheck_pairs(i, -1, t, queue, crowd, bounds)
         for k in range(n):
             i = islands.part[k]
             if frame < frames.time.shape[0]:
@@ -190,17 +190,17 @@ def _renewed(surface, bounds, t, changed, limits):
 
 
 @compiled
-def _look_again(t, agenda, crowd, bounds):
+def _recheck(t, queue, crowd, bounds):
     """Make every part due, as its forecast was made over another surface; but none sooner than a step after a look."""
-    for k in range(agenda.n_parts):
+    for k in range(queue.n_parts):
         i = crowd.islands.part[k]
         part = crowd.parts[i]
         kind = crowd.kinds.record[part.kind]
         if part.there == ASLEEP and not bounds.calm:
             fly_to(part, kind, t)  # it has lain there until now
             wake(part)
-            look_again_at_pairs(i, -1, t, agenda, crowd, bounds)
+            recheck_pairs(i, -1, t, queue, crowd, bounds)
         if part.there != ASLEEP and part.there != ABSENT:
             due = max(t, part.clock + shortest_flight(part, kind, bounds))
-            if due < agenda.tree[agenda.tree.shape[0] // 2 + k]:
-                set_due(agenda.tree, k, due)
+            if due < queue.tree[queue.tree.shape[0] // 2 + k]:
+                set_due(queue.tree, k, due)

@@ -49,7 +49,7 @@ class ReactingEngine(ImpulseEngine):
         self._surface = lasting(with_reaction(self._surface, self._rate))
         self._limits = self._limits_of(scene)
         self._reaction = self._reaction_opened = reaction_of(self._surface)
-        self._books_opened = self._work[0].yielding.books.copy()
+        self._account_opened = self._work[0].yielding.energy_account.copy()
 
     def _limits_of(self, scene: Scene) -> Limits:
         n = scene.surface.n_shapes
@@ -58,7 +58,7 @@ class ReactingEngine(ImpulseEngine):
     def _place_at_begin(self) -> None:
         super()._place_at_begin()
         set_reaction(self._surface, self._reaction_opened)
-        self._work[0].yielding.books[:] = self._books_opened
+        self._work[0].yielding.energy_account[:] = self._account_opened
 
     def _advance_share(self, window: Window, frames: FrameRows) -> WindowResult:
         """Advance all parts."""
@@ -68,7 +68,7 @@ class ReactingEngine(ImpulseEngine):
 
     def _keep_begin_of_window(self) -> None:
         super()._keep_begin_of_window()
-        self._reaction_opened, self._books_opened = self._reaction, self._work[0].yielding.books.copy()
+        self._reaction_opened, self._account_opened = self._reaction, self._work[0].yielding.energy_account.copy()
 
     def redrive(self, scene: Scene) -> None:
         super().redrive(scene)
