@@ -19,7 +19,7 @@ import numpy as np
 import typer
 
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
-from feeder_sim.engines.impulse.scratch import TAKEN
+from feeder_sim.engines.impulse.scratch import FROM_MODES
 from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
@@ -91,15 +91,15 @@ def amplitudes(scenario: Scenario, until: float = math.inf) -> None:
     taken = np.zeros((scenario.run.seeds, len(stages)))
     for seed, rng in enumerate(generators(prepared.scene)):
         engine = ReactingEngine(prepared.scene, rng)
-        books = 0.0
+        energy = 0.0
         for number, stage in enumerate(stages):
             shapes = [prepared.scene.drives[i].shape for i in stage.excitations]
             while (now := float(engine.current().time[0])) + LOOK_S < min(stage.end, until):
                 engine.advance(max(1, round(LOOK_S / prepared.scene.frame_interval)))
                 if shapes and now + 2.0 * LOOK_S < stage.stop:
                     fallen[number].append(_fall(prepared, engine, shapes[0]))
-            total = float(engine._books_opened[TAKEN])
-            taken[seed, number], books = total - books, total
+            total = float(engine._account_opened[FROM_MODES])
+            taken[seed, number], energy = total - energy, total
     for number, stage in enumerate(stages):
         fall = 100.0 * np.array([value for value in fallen[number] if math.isfinite(value)])
         if not len(fall):

@@ -167,7 +167,7 @@ def struck(
 
     arm, normal, surface = touch
     n, (velocity, momentum) = len(arm), motion
-    bodies, contacts = contact_problem.new_room(1, n, 0 if modes is None else len(modes.taken))
+    bodies, contacts = contact_problem.new_room(1, n, 0 if modes is None else len(modes.velocity_loss))
     contacts = contacts._replace(modes=modes or contacts.modes)
     bodies.velocity[0], bodies.spin[0], bodies.inverse_mass[0] = velocity, inverse_inertia @ momentum, 1.0 / mass
     bodies.inverse_inertia[0] = symmetric(inverse_inertia)

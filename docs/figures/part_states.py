@@ -35,7 +35,7 @@ def main() -> None:
     draw_state(axes, FLYING, "flying", "parabola and free top,\nin closed form", BLUE)
     draw_state(axes, TOUCHING, "touching", "impact of all points\nthat touch, at zero time", RED)
     draw_state(axes, PRESSED, "pressed", "forces of one rule, no\nlonger than T'; may slip", ORANGE)
-    draw_state(axes, FOLLOWING, "following", "keeps its seat on\nthe moving plate", GREEN)
+    draw_state(axes, FOLLOWING, "following", "keeps its place on\nthe moving plate", GREEN)
     draw_state(axes, RESTING, "resting", "lies still on a plate\nthat has died out", GREEN)
     draw_events_in_flight(axes)
     draw_events_in_contact(axes)

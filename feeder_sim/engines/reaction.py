@@ -52,17 +52,17 @@ def reaction_at(reaction: NDArray[np.float64], rate: NDArray[np.complex128], t: 
 
 
 @uncounted
-def react(surface, t, taken, changed):
+def react(surface, t, velocity_loss, changed):
     """Take velocities (n_shapes,) [m/s] from the modes at time t [s].
 
     changed: (n_shapes,) complex [m], how much z_j has changed since somebody set it to nothing; it rings down as z_j.
     """
-    n = taken.shape[0]
+    n = velocity_loss.shape[0]
     first = surface.term_shape.shape[0] - n
     for s in range(n):
         rate = surface.rate[first + s]
         turn = cmath.exp(rate * (t - surface.term_start[first + s]))
-        step = complex(0.0, taken[s] / rate.imag)
+        step = complex(0.0, velocity_loss[s] / rate.imag)
         surface.term_start[first + s] = t
         surface.coefficient[first + s] = surface.coefficient[first + s] * turn + step
         changed[s] = changed[s] * turn + step

@@ -76,7 +76,7 @@ class Scene:
 
     def run(self, function: Any) -> tuple[bool, NDArray[np.float64], NDArray[np.float64]]:
         """Whether it has settled, relative velocities before and after (n, 3)."""
-        self.modes.taken[:] = 0.0
+        self.modes.velocity_loss[:] = 0.0
         before = self.relative()
         settled = function(self.bodies, self.contacts, self.n)
         return settled, before, self.relative()
@@ -88,7 +88,7 @@ class Scene:
             u[i] = self._at(second, self.contacts.vector[ARM_SECOND, i])
             if first == WORLD:
                 u[i] -= self.contacts.vector[VELOCITY, i]
-                u[i] += self.modes.taken @ self.modes.carried[i]
+                u[i] += self.modes.velocity_loss @ self.modes.carried[i]
             else:
                 u[i] -= self._at(first, self.contacts.vector[ARM_FIRST, i])
         return u
@@ -459,8 +459,8 @@ def test_modes_lose_what_the_impulses_take(contacts: int) -> None:
         taken = np.einsum(
             "isk,ik->s", modes.carried[: scene.n][world], scene.contacts.vector[IMPULSE, : scene.n][world]
         )
-        np.testing.assert_allclose(modes.taken, modes.inverse_mass * taken, rtol=1e-9, atol=1e-15)
-        left = scene.energy() + 0.5 * ((modes_before - modes.taken) ** 2 / modes.inverse_mass).sum()
+        np.testing.assert_allclose(modes.velocity_loss, modes.inverse_mass * taken, rtol=1e-9, atol=1e-15)
+        left = scene.energy() + 0.5 * ((modes_before - modes.velocity_loss) ** 2 / modes.inverse_mass).sum()
         assert left <= energy * (1 + 1e-10)
         if contacts > 1:  # the direction of a single slip is found to 1e-10
             assert scene.worst(after) < close(before)

@@ -2,7 +2,7 @@
 
 Each point says how fast its gap grows, how fast both sides are accelerated together, and how that changes. A part flies
 freely through a moment from which it is looked at; what its gaps are just before and after says all that again. And
-after an impact the points are moved without a look: as a look finds them.
+after an impact the points are moved without a evaluate_points: as a evaluate_points finds them.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from test_invariants import swing
 from feeder_sim.engines.impulse.free_part.edge_piece import BALL, FACE, LINES
 from feeder_sim.engines.impulse.free_part.edge_piece import ROUND as ROUND_FACE
 from feeder_sim.engines.impulse.free_part.impact import strike
-from feeder_sim.engines.impulse.free_part.leap import first_contact, unsure_of
+from feeder_sim.engines.impulse.free_part.leap import first_contact, remainder_bounds
 from feeder_sim.engines.impulse.free_part.path import turning_of
-from feeder_sim.engines.impulse.free_part.points import look, move_points
+from feeder_sim.engines.impulse.free_part.points import evaluate_points, move_points
 from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.scratch import (
     ABOVE,
@@ -94,7 +94,7 @@ class Place(NamedTuple):
 @njit
 def _look(parts: Any, kinds: Any, plate: Any, t: float, work: Any) -> Any:
     part = parts[0]
-    return look(part, kinds, plate, t, work).n
+    return evaluate_points(part, kinds, plate, t, work).n
 
 
 @njit
@@ -117,20 +117,20 @@ class Struck(NamedTuple):
 
 @njit
 def _strike(parts: Any, kinds: Any, plate: Any, t: float, work: Any) -> Any:
-    strike(Struck(parts, kinds, work), look(parts[0], kinds, plate, t, work), True, plate)
+    strike(Struck(parts, kinds, work), evaluate_points(parts[0], kinds, plate, t, work), True, plate)
 
 
 @njit
 def _first_contact(parts: Any, kinds: Any, n: int, limit: float, plate: Any, t: float, work: Any) -> Any:
     part, kind = parts[0], kinds.record[0]
-    unsure = unsure_of(part, kind, plate.bounds, turning_of(part, kind))
-    return first_contact(n, limit, plate, t, unsure, work)
+    jerk_bound = remainder_bounds(part, kind, plate.bounds, turning_of(part, kind))
+    return first_contact(n, limit, plate, t, jerk_bound, work)
 
 
 @njit
-def _unsure(parts: Any, kinds: Any, bounds: Any) -> Any:
+def _remainder(parts: Any, kinds: Any, bounds: Any) -> Any:
     part, kind = parts[0], kinds.record[0]
-    return unsure_of(part, kind, bounds, turning_of(part, kind))
+    return remainder_bounds(part, kind, bounds, turning_of(part, kind))
 
 
 @njit
@@ -166,7 +166,7 @@ def place_of(
 
 
 def looked_at(place: Place) -> int:
-    """Number of points that a look at the part as it is fills."""
+    """Number of points that a evaluate_points at the part as it is fills."""
     time = float(place.parts["clock"][0])
     return int(_look(place.parts, place.kinds, place.plate, time, place.work))
 
@@ -212,7 +212,7 @@ def compared(place: Place) -> Iterator[Found]:
     """All points below the crest, where the same feature is seen at four moments around."""
     time = float(place.parts["clock"][0])
     now, edge = seen_at(place, time)
-    curving = float(_unsure(place.parts, place.kinds, place.plate.bounds).curving)
+    curving = float(_remainder(place.parts, place.kinds, place.plate.bounds).curving)
     others = {k: seen_at(place, time + k * STEP)[0] for k in (-2, -1, 1, 2)}
     for i, point in enumerate(now):
         if point["sort"] == ABOVE or not np.isfinite(point["gap"]):
@@ -356,7 +356,7 @@ def test_no_point_falls_by_itself_faster_than_its_bound(name: str, plate: str) -
         )
         points = place.points(looked_at(place))
         points = points[points["sort"] != ABOVE]
-        slack = _unsure(place.parts, place.kinds, place.plate.bounds).slack
+        slack = _remainder(place.parts, place.kinds, place.plate.bounds).slack
         assert (np.abs(points["closing"] - points["push"]) <= points["most_own"] * (1.0 + 1e-12) + slack).all()
         assert (np.abs(points["push"]) <= points["most_push"] * (1.0 + 1e-12)).all()
 
@@ -369,7 +369,7 @@ AND_PATH = ("closing", "closing_rate", "path_velocity", "path_acceleration", "pa
 
 
 def assert_as_a_fresh_look(place: Place, n: int) -> int:
-    """The first n points are as a look finds them now; returns how many of them are below the crest."""
+    """The first n points are as a evaluate_points finds them now; returns how many of them are below the crest."""
     had = place.points(n)
     fresh = place._replace(work=new_scratch(place.kinds, place.work.under.shape[1]))
     assert looked_at(fresh) == n
@@ -380,7 +380,7 @@ def assert_as_a_fresh_look(place: Place, n: int) -> int:
         for name in KEPT:
             np.testing.assert_array_equal(point[name], again[name], err_msg=name)
         names = RENEWED + (AND_PATH if point["sort"] != ABOVE else ())
-        names += ("swing", "unsure", "wild") if point["sort"] in {AT_EDGE, ON_WALL} else ()
+        names += ("swing", "jerk_bound", "snap_bound") if point["sort"] in {AT_EDGE, ON_WALL} else ()
         for name in names:
             np.testing.assert_allclose(point[name], again[name], rtol=1e-9, atol=1e-9, err_msg=name)
         below += point["sort"] != ABOVE

@@ -14,7 +14,7 @@ from feeder_sim import simulate
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.contact_problem import Modes
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
-from feeder_sim.engines.impulse.scratch import LIFTED, TAKEN, WORK
+from feeder_sim.engines.impulse.scratch import BY_CORRECTION, BY_IMPACTS, FROM_MODES
 from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.records.seed import Status
 from feeder_sim.scenario import HexNut, Scenario
@@ -75,8 +75,8 @@ class Undamped:
         squared = (self.modes.rate.imag * np.hypot(z[:, 0], z[:, 1])) ** 2
         return float((0.5 * self.modes.modal_mass * squared).sum())
 
-    def books(self) -> NDArray[np.float64]:
-        return self.engine._books_opened
+    def energy_account(self) -> NDArray[np.float64]:
+        return self.engine._account_opened
 
 
 @pytest.mark.parametrize("tangent", [False, True])
@@ -87,11 +87,11 @@ def test_without_losses_the_modes_get_what_the_part_loses(tangent: bool) -> None
     )
     before = one.of_parts()
     one.engine.advance(80)
-    got, books = one.of_modes(), one.books()
+    got, energy_account = one.of_modes(), one.energy_account()
     assert got > 0.05 * before  # several percent, so that the equality says something
-    assert before - one.of_parts() + books[LIFTED] == pytest.approx(got, rel=EXACT)
-    assert -books[TAKEN] == pytest.approx(got, rel=EXACT)
-    assert abs(books[WORK]) < EXACT * got
+    assert before - one.of_parts() + energy_account[BY_CORRECTION] == pytest.approx(got, rel=EXACT)
+    assert -energy_account[FROM_MODES] == pytest.approx(got, rel=EXACT)
+    assert abs(energy_account[BY_IMPACTS]) < EXACT * got
 
 
 @pytest.mark.parametrize("at_rest", [(2646.0,), MANY])
@@ -103,10 +103,10 @@ def test_with_losses_the_contact_law_dissipates_the_rest(at_rest: tuple[float, .
     start = last = one.of_parts()
     for _ in range(12):
         one.engine.advance(2)
-        books, modes = one.books(), one.of_modes()
-        assert one.of_parts() == pytest.approx(start + books.sum(), rel=1e-9)
-        assert -books[TAKEN] == pytest.approx(modes, rel=EXACT)
-        total = one.of_parts() + modes - books[LIFTED]
+        energy_account, modes = one.energy_account(), one.of_modes()
+        assert one.of_parts() == pytest.approx(start + energy_account.sum(), rel=1e-9)
+        assert -energy_account[FROM_MODES] == pytest.approx(modes, rel=EXACT)
+        total = one.of_parts() + modes - energy_account[BY_CORRECTION]
         assert total <= last * (1 + 1e-12)
         last = total
     assert modes > 5e-5 * start and last < 0.8 * start
@@ -161,7 +161,7 @@ def test_the_drive_pays_for_what_parts_take() -> None:
     while engine.current().time[0] < 4.0:
         engine.advance(10)
         times.append(float(engine._span[0]))
-        taken.append(float(engine._books_opened[TAKEN]))
+        taken.append(float(engine._account_opened[FROM_MODES]))
         alone = scene.surface.terms.phasor(times[-1], 2)[0, 1]
         shares.append(abs(1.0 + reaction_at(engine._reaction_opened, modes.rate, times[-1])[1] / alone))
     rung_up = int(np.searchsorted(times, 0.4))

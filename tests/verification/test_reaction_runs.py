@@ -33,7 +33,7 @@ def test_result_does_not_depend_on_threads() -> None:
         engine = ReactingEngine(scene, np.random.default_rng(2), threads=threads)
         engine.advance(60)
         engine.remove(np.array([3]))
-        frames.append((engine.advance(60), engine._reaction_opened, engine._books_opened))
+        frames.append((engine.advance(60), engine._reaction_opened, engine._account_opened))
     (one, reaction, books), (other, other_reaction, other_books) = frames
     assert one.position.tobytes() == other.position.tobytes()
     assert (reaction.tobytes(), books.tobytes()) == (other_reaction.tobytes(), other_books.tobytes())

@@ -23,20 +23,18 @@ from feeder_sim.engines.impulse.contact_problem import (
     ROLLING,
     TARGET,
     VELOCITY,
-    Bodies,
-    Contacts,
+    make_room,
     meet_world,
-    new_room,
     solve,
 )
 from feeder_sim.engines.impulse.impact import load_body
-from feeder_sim.engines.impulse.pairs.collision import look_at_pair
+from feeder_sim.engines.impulse.pairs.collision import check_pair
 from feeder_sim.engines.impulse.pairs.due import SLACK, extent
 from feeder_sim.engines.impulse.pairs.neighbours import grouped, root_of
 from feeder_sim.engines.impulse.plate_contact import contact_of, points_over_plate
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE
 from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
-from feeder_sim.machine_code import compiled, entry_point, inlined
+from feeder_sim.machine_code import borrow, compiled, inlined
 
 STAYED = 5e-6  # [m] that any point of a part at rest may have moved in a window: it could fall as far
 WEIGHED = 5e-4  # [s] for which the weight is held; a hop of 1 um takes as long
@@ -58,44 +56,43 @@ class Components(NamedTuple):
     body: NDArray[np.int64]
 
 
-class Lying(NamedTuple):
-    """Components that may be put to sleep, and room to solve their contacts."""
-
-    found: Components
-    bodies: Bodies
-    contacts: Contacts
-
-
-def none_lying(tools):
-    """No components; takes the room of a thread."""
-    none, first = np.empty(0, np.int64), np.zeros(1, np.int64)
-    return Lying(Components(none, first, none, first, none), tools.work.bodies, tools.work.contacts)
-
-
-def lying(crowd, tools):
-    """Components that have not moved in a window, or None."""
-    found = still_components(crowd, len(crowd.islands.place))
-    if not len(found.member):
-        return None
-    parts, pairs = int(np.diff(found.first_member).max()), int(np.diff(found.first_pair).max())
+@compiled
+def lay_to_rest(own, crowd, plate, tools, t):
+    """Put to sleep what lies still at the end of a window, t [s], in islands that are `own`."""
+    still = _still_components(own, crowd)
+    parts = pairs = 0
+    for c in range(still.first_member.shape[0] - 1):
+        parts = max(parts, still.first_member[c + 1] - still.first_member[c])
+        pairs = max(pairs, still.first_pair[c + 1] - still.first_pair[c])
+    if parts == 0:
+        return False
     points = parts * tools.work.point.shape[0] + pairs * tools.meeting.point.shape[0]
-    return Lying(found, *new_room(parts, points))
+    bodies, contacts = make_room(parts, points, 0)
+    _rest(borrow(still), crowd, plate, tools, borrow(bodies), borrow(contacts), t)
+    return (
+        still.member.shape[0] + bodies.spin.shape[0] + contacts.body.shape[0] > 0
+    )  # what was borrowed lives until here
 
 
-@entry_point
-def still_components(crowd, n_free):
-    """Components of which no part has moved in this window, and one at least is awake."""
-    parts, pairs, kinds = crowd.parts, crowd.pairs, crowd.kinds
-    root = np.arange(n_free)
+@compiled
+def _still_components(own, crowd):
+    """Components of own islands of which no part has moved in this window, and one at least is awake."""
+    parts, pairs, kinds, islands = crowd.parts, crowd.pairs, crowd.kinds, crowd.islands
+    n_free = islands.place.shape[0]
+    root, is_own = np.arange(n_free), np.zeros(n_free, np.bool_)
+    for island in range(own.shape[0]):
+        for k in range(islands.first_part[island], islands.first_part[island + 1]):
+            is_own[islands.part[k]] = own[island]
     for p in range(pairs.shape[0]):
-        if pairs[p].b < n_free and _touch(pairs[p], parts, kinds):
+        if is_own[pairs[p].a] and pairs[p].b < n_free and _touch(pairs[p], parts, kinds):
             a, b = root_of(root, pairs[p].a), root_of(root, pairs[p].b)
             root[max(a, b)] = min(a, b)
     moves, awake = np.zeros(n_free, np.bool_), np.zeros(n_free, np.bool_)
     for i in range(n_free):
-        root[i] = root_of(root, i)
-        moves[root[i]] |= not _has_stayed(parts[i], crowd.begun[i], kinds.record[parts[i].kind])
-        awake[root[i]] |= parts[i].there == AWAKE
+        if is_own[i]:
+            root[i] = root_of(root, i)
+            moves[root[i]] |= not _has_stayed(parts[i], crowd.initial[i], kinds.record[parts[i].kind])
+            awake[root[i]] |= parts[i].there == AWAKE
     number, count = np.full(n_free, -1), 0
     for i in range(n_free):
         if root[i] == i and awake[i] and not moves[i]:
@@ -124,48 +121,41 @@ def _touch(pair, parts, kinds):
 
 
 @inlined
-def _has_stayed(part, begun, kind):
+def _has_stayed(part, initial, kind):
     """Whether no point of a part has moved since the begin of the window."""
-    way = difference(part.position, begun.position)
+    displacement = difference(part.position, initial.position)
     turned = 0.0
     for i in range(3):
         for k in range(3):
-            turned += (part.attitude[i, k] - begun.attitude[i, k]) ** 2
-    return math.sqrt(dot(way, way)) + math.sqrt(turned) * kind.reach <= STAYED
-
-
-@entry_point
-def rest_alone(lying, crowd, plate, tools, t):
-    """As `rest`, where nothing else is compiled that solves contacts."""
-    rest(lying, crowd, plate, tools, t)
+            turned += (part.attitude[i, k] - initial.attitude[i, k]) ** 2
+    return math.sqrt(dot(displacement, displacement)) + math.sqrt(turned) * kind.reach <= STAYED
 
 
 @compiled
-def rest(lying, crowd, plate, tools, t):
+def _rest(still, crowd, plate, tools, bodies, contacts, t):
     """Put to sleep the components that their contacts hold at t [s]."""
-    found, bodies, contacts = lying.found, lying.bodies, lying.contacts
-    for c in range(found.first_member.shape[0] - 1):
-        n = _gather(c, found, crowd, plate, tools, bodies, contacts, t)
-        first, last = found.first_member[c], found.first_member[c + 1]
-        if not _holds(found.member[first:last], crowd, bodies, contacts, n):
+    for c in range(still.first_member.shape[0] - 1):
+        n = _gather(c, still, crowd, plate, tools, bodies, contacts, t)
+        first, last = still.first_member[c], still.first_member[c + 1]
+        if not _holds(still.member[first:last], crowd, bodies, contacts, n):
             continue
         for k in range(first, last):
-            part = crowd.parts[found.member[k]]
-            part.there, part.asleep_with = ASLEEP, found.member[first]
+            part = crowd.parts[still.member[k]]
+            part.there, part.asleep_with = ASLEEP, still.member[first]
             for x in range(3):
                 part.velocity[x] = part.momentum[x] = 0.0
 
 
 @compiled
-def _gather(c, found, crowd, plate, tools, bodies, contacts, t):
+def _gather(c, components, crowd, plate, tools, bodies, contacts, t):
     """Write bodies and contacts of component c; returns the number of contacts."""
-    n, first = 0, found.first_member[c]
-    for k in range(first, found.first_member[c + 1]):
-        part = crowd.parts[found.member[k]]
+    n, first = 0, components.first_member[c]
+    for k in range(first, components.first_member[c + 1]):
+        part = crowd.parts[components.member[k]]
         load_body(k - first, part, crowd.kinds.record[part.kind], bodies)
         n = _gather_plate(k - first, part, crowd.kinds, plate, t, n, contacts, tools.work)
-    for k in range(found.first_pair[c], found.first_pair[c + 1]):
-        n = _gather_pair(crowd.pairs[found.pair[k]], found.body, crowd, n, contacts, tools)
+    for k in range(components.first_pair[c], components.first_pair[c + 1]):
+        n = _gather_pair(crowd.pairs[components.pair[k]], components.body, crowd, n, contacts, tools)
     return n
 
 
@@ -206,9 +196,9 @@ def _gather_pair(pair, body, crowd, n, contacts, tools):
     parts, kinds = crowd.parts, crowd.kinds
     a, b = parts[pair.a], parts[pair.b]
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
-    _, found, _ = look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
+    _, components, _ = check_pair(pair, a, kind_a, b, kind_b, kinds, tools)
     from_b, axis, wall = difference(a.position, b.position), pair.axis, body[pair.b] < 0
-    for i in range(found):
+    for i in range(components):
         at = vector(tools.meeting.point[i])
         if wall:
             place = at, (-axis[0], -axis[1], -axis[2]), (0.0, 0.0, 0.0)

@@ -44,10 +44,10 @@ FLOOR = 4e-15  # of the largest speed, which is round-off
 LEAST = 1e-11  # [m/s]; what does not count
 # What follows was chosen by trial on thousands of random heaps, stacks and rides.
 STIFF, STIFFEST = 1e8, 1e10  # largest changes of an impulse, in effective masses, with the velocity
-NEWTONS, PATIENCE = 12, 3  # steps by the laws themselves; those that may lead nowhere, one after the other
+NEWTONS, STALE_STEPS = 12, 3  # steps by the laws themselves; those that may lead nowhere, one after the other
 STEPS = 100  # along the path
 SHARPER, SHORTEST = 0.5, 0.98  # its factors: at first, and at last where it cannot be followed
-SHARP, TRIED = 1e-2, 0.3  # of the blur at first, or of what is near enough: from there on the laws themselves are tried
+SHARP, TRIAL = 1e-2, 0.3  # of the blur at first, or of what is near enough: from there on the laws themselves are tried
 AGAIN = 0.2  # of the blur at which they were tried last
 LEAST_BLUR = 0.01  # of the error that is small enough
 CENTRED, LOST = 0.5, 1e3  # blurs by which blurred laws may be off, and by which a step has led away
@@ -83,23 +83,6 @@ class Room(NamedTuple):
     bent: NDArray[np.float64]
     motion: NDArray[np.float64]
     matrix: NDArray[np.float64]
-
-
-def room_for(bodies: int, contacts: int, shapes: int) -> Room:
-    """Room for so many bodies, contacts and modes."""
-    size, width = 6 * bodies + shapes, 6 + max(6, shapes)
-    return Room(
-        rows=np.zeros((contacts, DIRECTIONS, width)),
-        push=np.zeros((contacts, DIRECTIONS, width)),
-        place=np.zeros((contacts, 4), np.int64),
-        value=np.zeros((9, contacts, DIRECTIONS)),
-        limit=np.zeros((contacts, 2)),
-        target=np.zeros(contacts),
-        law=np.zeros((contacts, DIRECTIONS, DIRECTIONS)),
-        bent=np.zeros((DIRECTIONS, width)),
-        motion=np.zeros((3, size)),
-        matrix=np.zeros((size, size)),
-    )
 
 
 @inlined
@@ -292,7 +275,7 @@ def newtons(room, n, size, enough):
             return True
         stale = 0 if error < best else stale + 1
         best = min(best, error)
-        if stale > PATIENCE or not _newton(room, n, size):
+        if stale > STALE_STEPS or not _newton(room, n, size):
             return False
     return False
 
@@ -303,7 +286,7 @@ def follow_path(room, n, size, blur, closely, enough):
 
     closely: of `settle`; near it, or near none, the laws themselves are tried.
     """
-    tried = TRIED * closely if closely > 0.0 else SHARP * blur
+    trial_blur = TRIAL * closely if closely > 0.0 else SHARP * blur
     forget(room, n)
     for i in range(n):
         room.value[IMPULSES, i, N] = blur / (n * room.value[RATE, i, N])
@@ -313,19 +296,19 @@ def follow_path(room, n, size, blur, closely, enough):
         error = _linearise_blurred(room, n, blur)
         if error <= CENTRED * blur:
             copy(room, IMPULSES, BEST, n)
-            if blur <= tried:
+            if blur <= trial_blur:
                 if newtons(room, n, size, enough):
                     return True
                 if blur <= LEAST_BLUR * enough:
                     return False
                 go_back(room, n, size)
-                tried = AGAIN * blur
+                trial_blur = AGAIN * blur
             sharper = max(sharper * sharper, 0.1 * SHARPER) if stale < 2 else sharper
             sharp, blur, followed, stale = blur, max(sharper * blur, LEAST_BLUR * enough), True, 0
             _linearise_blurred(room, n, blur)
         else:
             stale += 1
-            if followed and (stale > PATIENCE or error > LOST * blur):
+            if followed and (stale > STALE_STEPS or error > LOST * blur):
                 sharper, stale = math.sqrt(sharper), 0
                 if sharper > SHORTEST:
                     return False

@@ -47,7 +47,6 @@ from feeder_sim.engines.impulse.contact_equations import (
     forget,
     make_motion,
     relative,
-    room_for,
     sweeps_settle,
 )
 from feeder_sim.engines.impulse.limited_friction import settle
@@ -61,7 +60,7 @@ from feeder_sim.engines.impulse.single_impact import (
     tangents,
 )
 from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, plus, times, vector, write_to
-from feeder_sim.machine_code import inlined, uncounted
+from feeder_sim.machine_code import compiled, inlined, uncounted
 
 ARM_FIRST, ARM_SECOND, NORMAL, VELOCITY, IMPULSE, MOMENT = range(6)  # of Contacts.vector
 RESTITUTION, FRICTION, ROLLING, TARGET = range(4)  # of Contacts.number
@@ -85,13 +84,13 @@ class Bodies(NamedTuple):
 class Modes(NamedTuple):
     """The modes of a plate that gives way, if any; contacts with the world move them, those of two bodies do not.
 
-    inverse_mass: 1 / m_j (s,) [1/kg]; carried: d of every contact (n, s, 3) [1]; taken: velocities that the impulses
+    inverse_mass: 1 / m_j (s,) [1/kg]; carried: d of every contact (n, s, 3) [1]; velocity_loss: what the impulses
     have taken from them (s,) [m/s].
     """
 
     inverse_mass: NDArray[np.float64]
     carried: NDArray[np.float64]
-    taken: NDArray[np.float64]
+    velocity_loss: NDArray[np.float64]
 
 
 class Contacts(NamedTuple):
@@ -113,6 +112,7 @@ class Contacts(NamedTuple):
 
 def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Contacts]:
     """Room for so many bodies, contacts and modes; fewer bodies and contacts may be solved in it."""
+    size, width = 6 * bodies + shapes, 6 + max(6, shapes)
     return (
         Bodies(np.zeros((bodies, 3)), np.zeros((bodies, 3)), np.zeros(bodies), np.zeros((bodies, 6))),
         Contacts(
@@ -120,9 +120,23 @@ def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Conta
             np.zeros((6, contacts, 3)),
             np.zeros((4, contacts)),
             Modes(np.zeros(shapes), np.zeros((contacts, shapes, 3)), np.zeros(shapes)),
-            room_for(bodies, contacts, shapes),
+            Room(
+                np.zeros((contacts, DIRECTIONS, width)),
+                np.zeros((contacts, DIRECTIONS, width)),
+                np.zeros((contacts, 4), np.int64),
+                np.zeros((9, contacts, DIRECTIONS)),
+                np.zeros((contacts, 2)),
+                np.zeros(contacts),
+                np.zeros((contacts, DIRECTIONS, DIRECTIONS)),
+                np.zeros((DIRECTIONS, width)),
+                np.zeros((3, size)),
+                np.zeros((size, size)),
+            ),
         ),
     )
+
+
+make_room = compiled(new_room)
 
 
 @inlined
@@ -142,7 +156,7 @@ def solve(bodies, contacts, n, closely=0.0, sweeps=True):
     closely: see `settle`; with it sweeps come first, from the impulses and moments that the contacts have, unless
     `sweeps` is False: where bodies may be jammed, what they lead to is not near the least impulses.
 
-    Fills IMPULSE, MOMENT and taken of the modes. Returns whether every contact obeys its laws.
+    Fills IMPULSE, MOMENT and velocity_loss of the modes. Returns whether every contact obeys its laws.
     """
     if n == 1 and contacts.number[ROLLING, 0] <= 0.0:
         frame, k, u = _alone(bodies, contacts)
@@ -251,7 +265,7 @@ def _alone(bodies, contacts):
     u = difference(u, contacts.vector[VELOCITY, 0])
     if first == WORLD:
         modes = contacts.modes
-        for s in range(modes.taken.shape[0]):
+        for s in range(modes.velocity_loss.shape[0]):
             d, share = modes.carried[0, s], modes.inverse_mass[s]
             x, y, z = dot(d, a), dot(d, b), dot(d, normal)
             k = added(k, (share * x * x, share * x * y, share * x * z, share * y * y, share * y * z, share * z * z))
@@ -271,8 +285,8 @@ def _push_alone(bodies, contacts, frame, p):
     if first != WORLD:
         _apply(bodies, first, vector(contacts.vector[ARM_FIRST, 0]), push, -1.0)
     modes = contacts.modes
-    for s in range(modes.taken.shape[0]):
-        modes.taken[s] = modes.inverse_mass[s] * dot(modes.carried[0, s], push) if first == WORLD else 0.0
+    for s in range(modes.velocity_loss.shape[0]):
+        modes.velocity_loss[s] = modes.inverse_mass[s] * dot(modes.carried[0, s], push) if first == WORLD else 0.0
     write_to(contacts.vector[IMPULSE, 0], push)
     write_to(contacts.vector[MOMENT, 0], (0.0, 0.0, 0.0))
 
@@ -302,7 +316,7 @@ def _lay_out(bodies, contacts, n):
         ends = 6
         _write_relative_motion(bodies, contacts, room)
     modes = contacts.modes
-    n_modes = 0 if one else modes.taken.shape[0]
+    n_modes = 0 if one else modes.velocity_loss.shape[0]
     size = ends + n_modes
     for x in range(ends, size):
         room.motion[START, x] = 0.0
@@ -437,5 +451,5 @@ def _write_out(bodies, contacts, n):
         for c in range(3):
             bodies.velocity[j, c] = room.motion[NOW, 6 * j + c]
             bodies.spin[j, c] = room.motion[NOW, 6 * j + 3 + c]
-    for s in range(contacts.modes.taken.shape[0]):
-        contacts.modes.taken[s] = room.motion[NOW, ends + s]
+    for s in range(contacts.modes.velocity_loss.shape[0]):
+        contacts.modes.velocity_loss[s] = room.motion[NOW, ends + s]

@@ -23,20 +23,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.alone import Alone, advance_alone
-from feeder_sim.engines.impulse.components import lying, none_lying
-from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
+from feeder_sim.engines.impulse.crowd import Window, WindowResult
 from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
-from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
+from feeder_sim.engines.impulse.island import Tools, advance_islands
 from feeder_sim.engines.impulse.pairs.due import PAIR
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
-from feeder_sim.engines.impulse.pairs.neighbours import Islands
 from feeder_sim.engines.impulse.pairs.separating_axis import new_meeting
 from feeder_sim.engines.impulse.parts_engine import PartsEngine
 from feeder_sim.engines.impulse.scratch import UNRESOLVED, new_scratch
 from feeder_sim.engines.impulse.state import ABSENT, ALONE, ASLEEP, AWAKE, copied, new_parts
-from feeder_sim.engines.impulse.surroundings import Bounds, Plate
+from feeder_sim.engines.impulse.window import Drive
 from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
-from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import lasting
 from feeder_sim.records.seed import Counts, Events, impacts_of
 from feeder_sim.records.trajectory import Frames
@@ -45,7 +42,7 @@ from feeder_sim.scene.start import Pose
 
 WINDOW = 1e-3  # [s], where parts can meet: shorter ones find the pairs too often, longer ones find too many
 WINDOW_ALONE = 1e-2  # [s], of a single part: for bounds on the plate that follow its ring-up
-WIDER = 1.5  # times the way of the farthest part: its reach when a window is computed again
+WIDER = 1.5  # times the distance of the farthest part: its reach when a window is computed again
 
 
 class ImpulseEngine(PartsEngine):
@@ -81,8 +78,8 @@ class ImpulseEngine(PartsEngine):
             lasting(Tools(library.hulls(), work, new_meeting(kinds)))
             for library, work in zip(self._libraries, self._work, strict=False)
         ]
-        self._none_lying = [lasting(none_lying(tools)) for tools in self._tools]
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
+        self._window_drive: Drive | None = None
         self._unresolved = 0
         self._opened = self._parts.copy()
         self._span = np.zeros(2)  # the window of many parts: its begin and end [s]
@@ -123,67 +120,46 @@ class ImpulseEngine(PartsEngine):
         """
         if frames is None:
             frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), new_interrupt())
-        parts, start = copied(self._opened), self._span[0]
-        acting, bounds, reach = self._open_window(parts)
-        plate, begun = Plate(acting, bounds, None), copied(parts)
-        absent = np.flatnonzero(parts["there"][: self._n] == ABSENT)
+        absent = np.flatnonzero(self._opened["there"][: self._n] == ABSENT)
         frames.row[:, absent] = self._row[absent]
-        if len(absent) == self._n:
-            self._parts, self._pairs = parts, np.empty(0, PAIR)
-            return
-        while True:
-            self._forget_unresolved()
-            pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
-            crowd = Crowd(parts, begun, pairs, self._kinds, islands)
-            left = self._advance_islands(crowd, plate, Span(start, until, reach), frames)
-            if not left or frames.interrupt[ENDED]:
+        self._place_at_begin()
+        self._pairs = self._pairs_before[:0]
+        (start, end), reach = self._span, 0.0
+        while len(absent) < self._n:
+            window = Window(self._opened, self._pairs_before, start, end, until, reach, thread=0, threads=1)
+            results = self._advance_shares(window, frames)
+            self._pairs = results[0].pairs
+            for result in results[1:]:
+                self._pairs[result.own] = result.pairs[result.own]
+            distance = np.max([result.distance for result in results])
+            if distance == 0.0 or frames.interrupt[ENDED] or not np.isfinite(distance):  # that is for the guard to see
                 break
-            way = self._longest_way(parts, begun)
-            if not np.isfinite(way):
-                break  # for the guard to see
-            reach = WIDER * max(reach, way)
-            parts = copied(begun)
-        if bounds.calm and until == self._span[1] and not frames.interrupt[ENDED]:
-            self._lay_to_rest(crowd, plate, Span(start, until, reach), frames)
-        self._parts, self._pairs = parts, pairs
+            reach = float(WIDER * max(results[0].reach, distance))
+            self._place_at_begin()
 
-    def _longest_way(self, parts: NDArray[np.void], begun: NDArray[np.void]) -> float:
-        """The longest way of any part in the window [m], or of the centres of its pieces by turning; see `has_left`."""
-        way = np.linalg.norm(parts["position"] - begun["position"], axis=1)
-        kind = self._kinds.record[parts["kind"]]
-        several = kind["piece_to"] - kind["piece_from"] > 1
-        turned = np.linalg.norm(parts["attitude"] - begun["attitude"], axis=(1, 2)) * kind["reach"]
-        return float(np.maximum(way, np.where(several, turned, 0.0)).max())
+    def _place_at_begin(self) -> None:
+        """Put the parts, and what changes with them, where the window under way begins."""
+        self._forget_unresolved()
+        self._parts = copied(self._opened)
 
-    def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
-        """Terms that act and bounds of the window under way, and the reach of the parts in it [m]; wakes them."""
-        return open_window(parts, self._n, self._kinds, self._drive(self._window), tuple(self._span))
-
-    def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
-        """Advance all islands, in parallel where there are threads; returns whether a part has left its reach."""
-        owner = self._owner_of(crowd.islands)
+    def _advance_shares(self, window: Window, frames: FrameRows) -> list[WindowResult]:
+        """Advance all islands, in parallel where there are threads."""
         if self._pool is None:
-            none = self._none_lying[0]
-            return bool(advance_islands(Share(owner, 0), crowd, plate, self._tools[0], span, frames, none))
-        tasks = [
-            self._pool.submit(advance_islands, Share(owner, i), crowd, plate, tools, span, frames, none)
-            for i, (tools, none) in enumerate(zip(self._tools, self._none_lying, strict=True))
-        ]
-        left = [task.result() for task in tasks]  # all of them, also after the first that has
-        return any(left)
+            return [self._advance_share(window, frames)]
+        shares = [window._replace(thread=i, threads=self._threads) for i in range(self._threads)]
+        tasks = [self._pool.submit(self._advance_share, share, frames) for share in shares]
+        return [task.result() for task in tasks]
 
-    def _owner_of(self, islands: Islands) -> NDArray[np.int64]:
-        """Thread of every island."""
-        if self._threads == 1:
-            return np.zeros(len(islands.first_part) - 1, np.int64)
-        return share_out(islands, self._threads)
+    def _advance_share(self, window: Window, frames: FrameRows) -> WindowResult:
+        """Advance the islands of a thread."""
+        if self._window_drive is None:
+            self._window_drive = lasting(self._drive(self._window))
+        tools = self._tools[window.thread]
+        return advance_islands(window, self._parts, self._n, self._kinds, self._window_drive, tools, frames)
 
-    def _lay_to_rest(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> None:
-        """Put to sleep what lies still at the end of a window."""
-        tools = self._tools[0]
-        found = lying(crowd, tools)
-        if found is not None:
-            advance_islands(Share(np.empty(0, np.int64), 0), crowd, plate, tools, span, frames, found)
+    def redrive(self, scene: Scene) -> None:
+        super().redrive(scene)
+        self._window_drive = None
 
     def _begin_window_now(self) -> None:
         """End the window under way at the last frame: what happens there acts on the parts from then on."""

@@ -32,25 +32,25 @@ def gather_near(part, kind, corners, bounds, work):
         work.point[i].gap = height
         lowest = min(lowest, height)
     near = max(lowest + SHARE * kind.reach, bounds.crest + CLEAR + kind.radius - part.position[2])
-    n, others = 0, np.inf
+    n, lowest_other = 0, np.inf
     for i in range(corners.shape[0]):
         height = work.point[i].gap
         if height > near:
-            others = min(others, height)
+            lowest_other = min(lowest_other, height)
             continue
         for k in range(3):
             work.corners[n, k] = corners[i, k]
         n += 1
-    return n, others
+    return n, lowest_other
 
 
 @inlined
-def far_leap(part, kind, others, bounds):
+def far_leap(part, kind, lowest_other, bounds):
     """Flight within which none of the other corners comes down to the crest [s]; `others`: see `gather_near`."""
-    if others == np.inf:
+    if lowest_other == np.inf:
         return np.inf
     spin = spin_of(part, kind)
     rate = part.velocity[2] - kind.reach * math.sqrt(spin[0] * spin[0] + spin[1] * spin[1])
-    gap = max(part.position[2] + others - kind.radius - bounds.crest, 0.0)
+    gap = max(part.position[2] + lowest_other - kind.radius - bounds.crest, 0.0)
     own = GRAVITY + turning_acceleration(part, kind)
     return (rate + math.sqrt(rate * rate + 2.0 * own * gap)) / own

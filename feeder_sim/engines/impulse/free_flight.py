@@ -205,10 +205,10 @@ def _from_zero(u, m):
     s = (1.0 + m * (135.0 + m * (135.0 + m))) / 5040.0 - x * s / 362880.0
     s = (1.0 + m * (14.0 + m)) / 120.0 - x * s
     s = u * (1.0 - x * ((1.0 + m) / 6.0 - x * s))
-    found = s, math.sqrt(1.0 - s * s), math.sqrt(1.0 - m * s * s)
+    functions = s, math.sqrt(1.0 - s * s), math.sqrt(1.0 - m * s * s)
     for _ in range(doublings):
-        found = _added(found, found, m)
-    return found
+        functions = _added(functions, functions, m)
+    return functions
 
 
 @inlined

@@ -14,29 +14,32 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.components import rest
+from feeder_sim.engines.impulse.components import lay_to_rest
+from feeder_sim.engines.impulse.crowd import (
+    Crowd,
+    Span,
+    WindowResult,
+    find_neighbours,
+    has_left,
+    longest_distance,
+    open_parts,
+    own_islands,
+    own_pairs,
+    reach_of,
+)
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.pairs.collision import meet
 from feeder_sim.engines.impulse.pairs.due import meeting_bound
 from feeder_sim.engines.impulse.pairs.hulls import Hulls
-from feeder_sim.engines.impulse.pairs.neighbours import Islands
 from feeder_sim.engines.impulse.pairs.separating_axis import Meeting
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.scratch import Scratch
-from feeder_sim.engines.impulse.state import ALONE, ASLEEP, Kinds, fly_to, in_pieces
+from feeder_sim.engines.impulse.state import ALONE, ASLEEP, fly_to
+from feeder_sim.engines.impulse.surroundings import Plate
+from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import borrow, compiled, entry_point, inlined, uncounted
-
-
-class Crowd(NamedTuple):
-    """The parts of a window: state of each, now and at its begin, pairs that can meet, and their islands."""
-
-    parts: NDArray[np.void]
-    begun: NDArray[np.void]
-    pairs: NDArray[np.void]
-    kinds: Kinds
-    islands: Islands
 
 
 class Tools(NamedTuple):
@@ -47,22 +50,7 @@ class Tools(NamedTuple):
     meeting: Meeting
 
 
-class Share(NamedTuple):
-    """Thread that every island belongs to, and this thread."""
-
-    owner: NDArray[np.int64]
-    thread: int
-
-
-class Span(NamedTuple):
-    """A window: begin and end [s], and how far from its place at the begin a part may come [m]."""
-
-    start: float
-    end: float
-    reach: float
-
-
-class Agenda(NamedTuple):
+class EventQueue(NamedTuple):
     """When the events of one island are due: first those of its parts, then those of its pairs.
 
     tree: see `all_due`; first_part, first_pair: of the island, in `Islands`; n_parts: of the island.
@@ -75,20 +63,35 @@ class Agenda(NamedTuple):
 
 
 @entry_point
-def advance_islands(share, crowd, plate, tools, span, frames, lying):
-    """Advance the islands of a thread to the end of a window, and write their frames; or put to sleep what is `lying`.
+def advance_islands(window, parts, n_free, kinds, drive, tools, frames):
+    """Advance the islands of a thread through a window, and write their frames; returns a `WindowResult`.
 
-    Both in one, since each entry point compiles all that it calls, and both solve contacts. Returns whether a part has
-    come farther than the reach that its possible neighbours were found for.
+    parts: where their state is written to, shared by all threads; those from n_free on are walls. On a calm plate what
+    lies still at the end of the window is put to sleep.
     """
-    owner = share.owner
-    left = False
-    if lying.found.member.shape[0] > 0:
-        rest(lying, crowd, plate, tools, span.end)
-        return left
-    for island in range(owner.shape[0]):
-        if owner[island] == share.thread:
+    initial = window.initial.copy()
+    acting = acting_terms(drive.surface, window.start, window.end)
+    bounds = bound_window(acting, drive, window.start, window.end)
+    open_parts(initial, n_free, bounds)
+    reach = reach_of(initial, n_free, kinds, bounds, window)
+    pairs, islands = find_neighbours(initial, n_free, kinds, acting, reach, window.pairs)
+    crowd = Crowd(parts, borrow(initial), borrow(pairs), kinds, borrow(islands))
+    own = own_islands(window, crowd)
+    left = _advance_all(own, crowd, Plate(borrow(acting), borrow(bounds), None), tools, window, reach, frames)
+    distance = longest_distance(own, crowd) if left else 0.0
+    # What was borrowed lives until here.
+    alive = initial.shape[0] + acting.rate.shape[0] + bounds.amplitude.shape[0] >= 0
+    return WindowResult(pairs, own_pairs(own, islands), reach, distance if alive else 0.0)
+
+
+@compiled
+def _advance_all(own, crowd, plate, tools, window, reach, frames):
+    span, left = Span(window.start, window.until, reach), False
+    for island in range(own.shape[0]):
+        if own[island]:
             left |= _advance_island(island, crowd, plate, tools, span, frames)
+    if not left and plate.bounds.calm and window.until == window.end and frames.interrupt[ENDED] == 0:
+        lay_to_rest(own, crowd, plate, tools, span.end)
     return left
 
 
@@ -99,7 +102,7 @@ def _advance_island(island, crowd, plate, tools, span, frames):
     first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
     n = last - first
     tree = all_due(n + last_pair - first_pair, span.start)
-    agenda = Agenda(borrow(tree), first, n, first_pair)
+    queue = EventQueue(borrow(tree), first, n, first_pair)
     for k in range(n):
         if parts[islands.part[first + k]].there == ASLEEP:
             set_due(tree, k, np.inf)
@@ -109,9 +112,9 @@ def _advance_island(island, crowd, plate, tools, span, frames):
         while tree[1] < stop and frames.interrupt[ENDED] == 0:
             t, event = tree[1], earliest_of(tree)
             if event < n:
-                left |= _look_at_part(event, t, agenda, crowd, plate, tools.work, span.reach)
+                left |= _check_part(event, t, queue, crowd, plate, tools.work, span.reach)
             else:
-                left |= look_at_pair(event, t, agenda, crowd, plate.bounds, tools, span.reach)
+                left |= check_pair(event, t, queue, crowd, plate.bounds, tools, span.reach)
         for k in range(first, last):
             i = islands.part[k]
             if frame < frames.time.shape[0]:
@@ -123,48 +126,48 @@ def _advance_island(island, crowd, plate, tools, span, frames):
 
 
 @inlined
-def _look_at_part(event, t, agenda, crowd, plate, work, reach):
+def _check_part(event, t, queue, crowd, plate, work, reach):
     """A part over the plate; returns whether it has come farther than its reach."""
-    i = crowd.islands.part[agenda.first_part + event]
+    i = crowd.islands.part[queue.first_part + event]
     part = crowd.parts[i]
     fly_to(part, crowd.kinds.record[part.kind], t)
     left = has_left(i, crowd, reach)
     leap, hit = meet_plate(i, crowd.parts, crowd.kinds, plate.surface, plate.bounds, t, work)
-    set_due(agenda.tree, event, t + leap)
+    set_due(queue.tree, event, t + leap)
     if hit:
         alone = crowd.islands.first_touching[i] == crowd.islands.first_touching[i + 1]
         if plate.bounds.calm and alone and fall_asleep(part, crowd.kinds, plate.surface, work):
-            set_due(agenda.tree, event, np.inf)
-        look_again_at_pairs(i, -1, t, agenda, crowd, plate.bounds)
+            set_due(queue.tree, event, np.inf)
+        recheck_pairs(i, -1, t, queue, crowd, plate.bounds)
     return left
 
 
 @inlined
-def look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
+def check_pair(event, t, queue, crowd, bounds, tools, reach):
     """A pair of parts; returns whether one of them has come farther than its reach."""
     parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
-    p = islands.pair[agenda.first_pair + event - agenda.n_parts]
+    p = islands.pair[queue.first_pair + event - queue.n_parts]
     pair = crowd.pairs[p]
     left = False
     due, near = meeting_bound(pair, parts, kinds, t, bounds)
     if near:
         hit, _ = meet(pair, parts, kinds, 0.0, tools)
         if hit:
-            _wake_with(pair.a, p, t, agenda, crowd, bounds)
-            _wake_with(pair.b, p, t, agenda, crowd, bounds)
+            _wake_with(pair.a, p, t, queue, crowd, bounds)
+            _wake_with(pair.b, p, t, queue, crowd, bounds)
         due, near = meeting_bound(pair, parts, kinds, t, bounds)
         if hit:
             for i in (pair.a, pair.b):
                 if i < islands.place.shape[0]:  # walls have no events
                     left |= has_left(i, crowd, reach)
-                    set_due(agenda.tree, islands.place[i] - agenda.first_part, t)
-                    look_again_at_pairs(i, p, t, agenda, crowd, bounds)
-    set_due(agenda.tree, event, due)
+                    set_due(queue.tree, islands.place[i] - queue.first_part, t)
+                    recheck_pairs(i, p, t, queue, crowd, bounds)
+    set_due(queue.tree, event, due)
     return left
 
 
 @uncounted
-def _wake_with(i, except_pair, t, agenda, crowd, bounds):
+def _wake_with(i, except_pair, t, queue, crowd, bounds):
     """Wake a part at time t, and all that sleep with it."""
     parts, number = crowd.parts, crowd.parts[i].asleep_with
     if parts[i].there != ASLEEP:
@@ -172,17 +175,17 @@ def _wake_with(i, except_pair, t, agenda, crowd, bounds):
     wake(parts[i])
     if number == ALONE:
         return
-    for k in range(agenda.n_parts):
-        j = crowd.islands.part[agenda.first_part + k]
+    for k in range(queue.n_parts):
+        j = crowd.islands.part[queue.first_part + k]
         if parts[j].there == ASLEEP and parts[j].asleep_with == number:
             parts[j].clock = t
             wake(parts[j])
-            set_due(agenda.tree, k, t)
-            look_again_at_pairs(j, except_pair, t, agenda, crowd, bounds)
+            set_due(queue.tree, k, t)
+            recheck_pairs(j, except_pair, t, queue, crowd, bounds)
 
 
 @inlined
-def look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
+def recheck_pairs(i, except_pair, t, queue, crowd, bounds):
     """Make the pairs of a part due anew after its velocity has changed at time t.
 
     For touching pairs keep the earlier of the old and new due time; otherwise frequent impacts on the plate postpone it
@@ -194,31 +197,10 @@ def look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
         p = islands.pair[place]
         if p != except_pair:
             due, near = meeting_bound(crowd.pairs[p], crowd.parts, crowd.kinds, t, bounds)
-            event = agenda.n_parts + place - agenda.first_pair
+            event = queue.n_parts + place - queue.first_pair
             if near:
-                due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])
-            set_due(agenda.tree, event, due)
-
-
-@inlined
-def has_left(i, crowd, reach):
-    """Whether a part is farther from its place at the begin of the window than its neighbours were looked for."""
-    return _squared_way(crowd.parts[i], crowd.begun[i], crowd.kinds.record[crowd.parts[i].kind]) > reach * reach
-
-
-@inlined
-def _squared_way(part, begun, kind):
-    """Square of the way that a part has come [m^2]; or of what the centres of its pieces have at most, by turning."""
-    squared = 0.0
-    for k in range(3):
-        squared += (part.position[k] - begun.position[k]) ** 2
-    if in_pieces(kind):
-        turned = 0.0
-        for i in range(3):
-            for k in range(3):
-                turned += (part.attitude[i, k] - begun.attitude[i, k]) ** 2
-        squared = max(squared, turned * kind.reach * kind.reach)
-    return squared
+                due = min(due, queue.tree[queue.tree.shape[0] // 2 + event])
+            set_due(queue.tree, event, due)
 
 
 @compiled

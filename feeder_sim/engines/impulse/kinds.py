@@ -135,16 +135,16 @@ def hull_of(corners: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np
     hull = ConvexHull(corners / size)
     planes, face = np.unique(hull.equations.round(12), axis=0, return_inverse=True)
     edges = []
-    for triangle, others in enumerate(hull.neighbors):
-        for opposite, other in enumerate(others):
+    for triangle, neighbours in enumerate(hull.neighbors):
+        for opposite, other in enumerate(neighbours):
             if triangle < other and face[triangle] != face[other]:  # else it is a diagonal
                 ends = np.delete(hull.simplices[triangle], opposite)
                 edges.append([*ends, face[triangle], face[other]])
-    found = np.array(edges, np.int64)
-    along = corners[found[:, 1]] - corners[found[:, 0]]
-    wrong = np.einsum("ij,ij->i", along, np.cross(planes[found[:, 3], :3], planes[found[:, 2], :3])) < 0.0
-    found[wrong, :2] = found[wrong, 1::-1]
-    return found[np.lexsort(found.T[::-1])], planes * [1.0, 1.0, 1.0, size]
+    table = np.array(edges, np.int64)
+    along = corners[table[:, 1]] - corners[table[:, 0]]
+    wrong = np.einsum("ij,ij->i", along, np.cross(planes[table[:, 3], :3], planes[table[:, 2], :3])) < 0.0
+    table[wrong, :2] = table[wrong, 1::-1]
+    return table[np.lexsort(table.T[::-1])], planes * [1.0, 1.0, 1.0, size]
 
 
 def _in_plane(corners: NDArray[np.float64]) -> bool:

@@ -100,7 +100,7 @@ class PartsEngine:
         self._clock[:] = now, 0.0, now, now
         for name, columns in COLUMNS.items():
             part[name][0] = self._row[0, columns].reshape(part[name][0].shape)
-        part["clock"], part["phase"], part["held"] = now, FREE, 0
+        part["clock"], part["phase"], part["supported"] = now, FREE, 0
 
     def _first_row(self, parts: NDArray[np.void]) -> NDArray[np.float64]:
         """The state of parts that have not moved yet, shape (parts, ROW)."""

@@ -61,13 +61,13 @@ def meet_plate(i, parts, kinds, surface, bounds, t, work):
         return max(fall, bounds.step if is_compliant(work) else shortest_flight(part, kind, bounds)), False
     moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     further = points_on_edge(part, kind, kinds, surface, bounds.crest, work)
-    corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
+    corners, n_corners, lowest_other = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
     if further > 0 or is_round(kind):
         corners = work.corners[: n_corners + further]
     elif n_corners > MANY and not bounds.calm:  # what comes to rest is looked at with all corners
-        near, others = gather_near(part, kind, corners, bounds, work)
+        near, lowest_other = gather_near(part, kind, corners, bounds, work)
         corners = work.corners[:near]
-    on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
+    on_plate, last = evaluate_points(part, kind, corners, surface, bounds, t, moved, work)
     if on_plate == 1 and kind.rolling == 0.0 and not is_compliant(work):
         _impact_at(last, i, parts, kinds, corners, surface, work)
     elif on_plate > 0:
@@ -79,7 +79,7 @@ def meet_plate(i, parts, kinds, surface, bounds, t, work):
     level = bounds.calm and bounds.slope == 0.0 and not is_compliant(work)
     if level and further == 0 and not is_round(kind):
         shortest = max(shortest, flight_on_flat(corners, own, bounds, work))
-    to_crest = min(to_crest, far_leap(part, kind, others, bounds))
+    to_crest = min(to_crest, far_leap(part, kind, lowest_other, bounds))
     if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     if leap < to_crest:
@@ -98,12 +98,12 @@ def points_over_plate(part, kinds, surface, bounds, t, work):
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     if further > 0 or is_round(kind):
         corners = work.corners[: count_of(kind) + further]
-    look(part, kind, corners, surface, bounds, t, True, work)
+    evaluate_points(part, kind, corners, surface, bounds, t, True, work)
     return corners
 
 
 @inlined
-def look(part, kind, corners, surface, bounds, t, moved, work):
+def evaluate_points(part, kind, corners, surface, bounds, t, moved, work):
     """Fill gap, rate and surface part of every corner; returns how many touch and approach, and the last of them.
 
     moved: whether the surface has been moved to time t.

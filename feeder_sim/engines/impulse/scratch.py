@@ -15,7 +15,7 @@ from feeder_sim.machine_code import inlined
 # A point that can touch. sort: ABOVE the crest of the plate, to which the gap is, ON_PLATE, AT_EDGE or ON_WALL. gap
 # [m], infinite where there is nothing to touch, its rate [m/s], how fast both sides are accelerated together,
 # `closing` [m/s^2], of it `push` by the plate, and its rate [m/s^3]; most_own, most_push: bounds on what both sides
-# do of it; unsure: bound on the change of what the point does of it, as far as that is not known [m/s^3]; wild: on
+# do of it; jerk_bound: on the change of what the point does of it, as far as that is not known [m/s^3]; snap_bound: on
 # the fourth derivative of its path, beyond that by turning [m/s^4]; push_rate: mean change of the push while forces
 # last [m/s^3]. arm from the centre of mass to the contact [m], normal from the plate, and the velocity of the plate
 # there [m/s]. Path of the centre of the sphere around the point: velocity, acceleration, and the vertical part of its
@@ -34,8 +34,8 @@ POINT = np.dtype(
         ("closing_rate", "f8"),
         ("push", "f8"),
         ("most_own", "f8"),
-        ("unsure", "f8"),
-        ("wild", "f8"),
+        ("jerk_bound", "f8"),
+        ("snap_bound", "f8"),
         ("push_rate", "f8"),
         ("friction", "f8"),
         ("arm", "f8", 3),
@@ -57,18 +57,18 @@ CIRCLES, EDGE_POINTS = 2, 32  # room for points on the edge of the plate
 UNRESOLVED, LATE, SPENT = range(3)  # of Scratch.counts
 
 
-TAKEN, WORK, LIFTED = range(3)  # of the books
+FROM_MODES, BY_IMPACTS, BY_CORRECTION = range(3)  # of Yielding.energy_account
 
 
 class Yielding(NamedTuple):
     """What gives way: how much the reaction of modes has changed since the bounds were made (n_shapes,) [m].
 
-    books: energies [J] since t = 0 that parts got at the plate: TAKEN from its modes, WORK of the contact law, which is
-    negative, and LIFTED where they were put back on the surface.
+    energy_account: energies [J] since t = 0 that parts got at the plate: FROM_MODES; BY_IMPACTS, the work of the
+    contact law, which is negative; and BY_CORRECTION, where they were put back on the surface.
     """
 
     changed: NDArray[np.complex128]
-    books: NDArray[np.float64]
+    energy_account: NDArray[np.float64]
 
 
 class Scratch(NamedTuple):

@@ -25,11 +25,11 @@ SLENDER = 4.0  # largest over smallest moment of inertia
 # (rest.py), else AWAKE; asleep_with: number of the component that it sleeps in, or ALONE.
 # What follows is of a part that is computed without a step (docs/contact.md):
 # phase: FREE; PRESSED by a mean force [N] and moment [N m] until it is looked at next; FOLLOWING the surface, whose
-# frame at a place it has a seat and a facing in. Force and moment change steadily with the push of the plate: by a
-# jerk [m/s^3] of the part, and a twist [N m/s]; they have their mean after the time lead [s]. held: looks for which
-# it has not slipped. draws: state of its random numbers. depth: of its deepest point after its last look [m]. beside:
-# it has come under the sheet of the plate from beside it, and falls past. jammed: until when it has no friction [s].
-# looks: at it, beyond those that pass, until budget [s].
+# frame at a place it keeps its offset and orientation in. Force and moment change steadily with the push of the plate:
+# by a jerk [m/s^3] of the part, and a twist [N m/s]; they have their mean after the time lead [s]. supported: looks for
+# which it has not slipped. draws: state of its random numbers. depth: of its deepest point after its last look [m].
+# beside: it has come under the sheet of the plate from beside it, and falls past. jammed: until when it has no friction
+# [s]. looks: at it, beyond those that pass, until budget [s].
 # due: when it is looked at next, among others, and weighed: when it was last seen whether it rests [s].
 FREE, PRESSED, FOLLOWING = range(3)
 PART = np.dtype(
@@ -43,7 +43,7 @@ PART = np.dtype(
         ("there", "i8"),
         ("asleep_with", "i8"),
         ("phase", "i8"),
-        ("held", "i8"),
+        ("supported", "i8"),
         ("beside", "i8"),
         ("looks", "f8"),
         ("budget", "f8"),
@@ -56,8 +56,8 @@ PART = np.dtype(
         ("twist", "f8", 3),
         ("lead", "f8"),
         ("place", "f8", 2),
-        ("seat", "f8", 3),
-        ("facing", "f8", (3, 3)),
+        ("offset", "f8", 3),
+        ("orientation", "f8", (3, 3)),
         ("due", "f8"),
         ("weighed", "f8"),
     ],

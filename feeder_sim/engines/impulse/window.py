@@ -124,7 +124,7 @@ def bound_window(acting, drive, start, stop):
     for shape in range(n_shapes):
         snap, own, groups = 0.0, 0.0, 0
         for k in range(acting.term_shape.shape[0]):
-            if acting.term_shape[k] != shape or _seen_before(acting, k):
+            if acting.term_shape[k] != shape or _is_repeated(acting, k):
                 continue
             own = _fastest_together(acting, k)
             size = max(_modulus(acting, k, start, stop, False), _modulus(acting, k, start, stop, True)) * ALLOWANCE
@@ -167,7 +167,7 @@ def _fastest_together(acting, k):
 
 
 @compiled
-def _seen_before(acting, k):
+def _is_repeated(acting, k):
     seen = False
     for j in range(k):
         seen = seen or _together(acting, k, j)

@@ -184,10 +184,10 @@ def _hulls(part: RigidPart, *, with_hull: bool, with_pieces: bool) -> list[tuple
     """Names and corners (n, 3) of the convex bodies that a part meets walls and other parts with; a ball has none."""
     if part.corner_radius:
         return []
-    found = {hull_name(part): part.corners} if with_hull else {}
+    meshes = {hull_name(part): part.corners} if with_hull else {}
     if with_pieces:
-        found |= dict(zip(piece_names(part), part.pieces or (part.corners,), strict=True))
-    return list(found.items())
+        meshes |= dict(zip(piece_names(part), part.pieces or (part.corners,), strict=True))
+    return list(meshes.items())
 
 
 def _add_part(

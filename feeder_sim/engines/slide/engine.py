@@ -73,9 +73,9 @@ class SlideEngine:
         return self._frames(out, self._frame - n_frames + 1)
 
     def take_impacts(self, *, end: bool) -> Events:
-        taken = joined([*self._impacts, take_impacts(self._log, end=end)])
+        impacts = joined([*self._impacts, take_impacts(self._log, end=end)])
         self._impacts = []
-        return taken
+        return impacts
 
     def remove(self, parts: NDArray[np.int64]) -> None:
         raise NotImplementedError("nothing takes a part off its slide")

@@ -222,9 +222,9 @@ def _until_lift_off(state, plate, law, p):
 
     Which way the part moves matters only where it could lift off on the way down.
     """
-    held = p[2] + law.down
-    to_lift = _leap(held, p[3], plate.bound[4]) if plate.bound[4] > 0.0 else np.inf
-    if law.up == law.down or (held > 0.0 and to_lift > _tolerance(state[T])):
+    pressing = p[2] + law.down
+    to_lift = _leap(pressing, p[3], plate.bound[4]) if plate.bound[4] > 0.0 else np.inf
+    if law.up == law.down or (pressing > 0.0 and to_lift > _tolerance(state[T])):
         state[SIGN] = 0.0
         return law.down, to_lift, np.inf
     if state[SIGN] == 0.0:

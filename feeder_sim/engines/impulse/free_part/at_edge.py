@@ -45,7 +45,7 @@ SWUNG = 4.0  # |n'| |v|, by which a gap at the edge is accelerated at most, over
 
 
 @inlined
-def look_at_edge(part, kinds, plate, first, turning, work):
+def evaluate_edge(part, kinds, plate, first, turning, work):
     """Fill points on the edge of the plate, from `first` on; returns their end, and whether one is close.
 
     work.now: modal coordinates.
@@ -53,10 +53,10 @@ def look_at_edge(part, kinds, plate, first, turning, work):
     kind, surface = kinds.record[part.kind], plate.surface
     height = _height_of_plate(part, surface, work.under[first], work.now)
     part.position[2] -= height
-    found = edge_points(part, kind, kinds, surface, REACH, work.edge)
+    n_points = edge_points(part, kind, kinds, surface, REACH, work.edge)
     part.position[2] += height
     n, close = first, False
-    for k in range(found):
+    for k in range(n_points):
         edge, point, under = work.edge[k], work.point[n], work.under[n]
         shapes_under(edge.foot[0], edge.foot[1], part, surface, under)
         _along_normal(under, edge.normal, surface)
@@ -64,7 +64,7 @@ def look_at_edge(part, kinds, plate, first, turning, work):
         if point.gap < -BESIDE:
             continue
         point.sort, point.edge, point.friction, point.carried = AT_EDGE, k, kind.friction[0], 0
-        point.wild = point.rolls = 0.0
+        point.snap_bound = point.rolls = 0.0
         point.push = along_at(under, work.now, ACCELERATION)
         point.most_push = most_push(under, plate.bounds)
         write_to(point.surface_velocity, flow_at(under, work.now, surface))
@@ -137,9 +137,9 @@ def move_edge_point(i, part, kind, turning, work):
     opens = dot(n, point.path_acceleration) + 2.0 * dot(swing, v) - far * dot(swing, swing) + bends
     point.rate, point.closing = dot(n, v), point.push - opens
     point.most_own = own + SWUNG * fast * math.sqrt(dot(v, v))
-    point.unsure = 3.0 * fast * point.most_own
+    point.jerk_bound = 3.0 * fast * point.most_own
     if kind.reach > 0.0:
-        point.unsure += 9.0 * turning.acceleration * turning.speed / kind.reach
+        point.jerk_bound += 9.0 * turning.acceleration * turning.speed / kind.reach
     write_to(point.swing, swing)
     write_to(point.path_velocity, (0.0, 0.0, point.rate + along_at(work.under[i], work.now, SPEED)))
     write_to(point.path_acceleration, (0.0, 0.0, opens))

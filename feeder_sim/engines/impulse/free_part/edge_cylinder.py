@@ -34,9 +34,9 @@ STEPS, SETTLED = 8, 1e-10  # Newton's method on a circle [rad]
 def cylinder_on_line(part, kind, piece, reach, points, n):
     r, radius, height, centre = part.attitude, kind.circle_radius, kind.circle_height, centre_from(part, piece)
     axis, at = (r[0, 2], r[1, 2], r[2, 2]), seen(centre, piece)
-    way = seen(axis, piece)
-    way = 2.0 * height * way[0], 2.0 * height * way[1], 2.0 * height * way[2]
-    gap, share, along, normal = meets(plus(at, -0.5, way), way, radius + kind.radius, piece)
+    axis_vector = seen(axis, piece)
+    axis_vector = 2.0 * height * axis_vector[0], 2.0 * height * axis_vector[1], 2.0 * height * axis_vector[2]
+    gap, share, along, normal = meets(plus(at, -0.5, axis_vector), axis_vector, radius + kind.radius, piece)
     if -min(BESIDE, radius) <= gap < reach:
         arm = plus((0.0, 0.0, 0.0), (2.0 * share - 1.0) * height, axis)
         foot = place_on(piece, along)
@@ -45,7 +45,7 @@ def cylinder_on_line(part, kind, piece, reach, points, n):
     u, v = seen((r[0, 0], r[1, 0], r[2, 0]), piece), seen((r[0, 1], r[1, 1], r[2, 1]), piece)
     size = math.sqrt(u[0] * u[0] + v[0] * v[0])
     for end in (-height, height):
-        middle = plus(at, 0.5 * end / height, way)
+        middle = plus(at, 0.5 * end / height, axis_vector)
         if abs(middle[0]) >= radius * size or middle[1] - radius * math.sqrt(u[1] * u[1] + v[1] * v[1]) > 2.0 * reach:
             continue
         near = -middle[0] / (radius * size)

@@ -96,16 +96,16 @@ def balls_on_piece(part, kind, kinds, piece, back, reach, points, n):
         arm = arm_of(part, corners, i)
         to = plus(centre, 1.0, arm)
         beside, up, along = seen(to, piece)
-        way, on_line = to, 0.0 <= along <= piece[2] and beside > ON_EDGE
+        separation, on_line = to, 0.0 <= along <= piece[2] and beside > ON_EDGE
         if on_line:
-            way = in_space(beside, up, piece)
+            separation = in_space(beside, up, piece)
         elif along >= 0.0 or to[0] * back[0] + to[1] * back[1] >= 0.0:
             continue
-        away = math.sqrt(dot(way, way))
+        away = math.sqrt(dot(separation, separation))
         gap = away - kind.radius
         if not -BESIDE <= gap < reach or up < UPRIGHT * away:
             continue
-        normal = way[0] / away, way[1] / away, way[2] / away
+        normal = separation[0] / away, separation[1] / away, separation[2] / away
         turns = BALL, NONE, ((piece[0], piece[1], 0.0) if on_line else NONE), 0.0
         foot = place_on(piece, along)
         n = _store_apart(n, plus(arm, -kind.radius, normal), normal, foot, gap, kind.radius, turns, points)

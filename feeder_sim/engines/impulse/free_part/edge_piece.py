@@ -134,22 +134,22 @@ def in_space(across, up, piece):
 
 
 @inlined
-def meets(begin, way, radius, piece):
+def meets(begin, segment, radius, piece):
     """How a segment with a radius around it meets a piece: gap, infinite if not; share of its way; place; normal.
 
     begin, way: as seen along the piece [m].
     """
-    size = math.sqrt(way[0] * way[0] + way[1] * way[1])
-    length = math.sqrt(size * size + way[2] * way[2])
+    size = math.sqrt(segment[0] * segment[0] + segment[1] * segment[1])
+    length = math.sqrt(size * size + segment[2] * segment[2])
     gap, share, along, across, up = np.inf, 0.0, 0.0, 0.0, 1.0
     if size > PARALLEL * length:
-        across, up = -way[1] / size, way[0] / size
+        across, up = -segment[1] / size, segment[0] / size
         if up < 0.0:
             across, up = -across, -up
         if up >= UPRIGHT and across >= -INWARDS:
             gap = begin[0] * across + begin[1] * up - radius
-            share = -(begin[0] * way[0] + begin[1] * way[1]) / (size * size)
-            along, beyond = begin[2] + share * way[2], max(gap, 0.0) + ON_EDGE
+            share = -(begin[0] * segment[0] + begin[1] * segment[1]) / (size * size)
+            along, beyond = begin[2] + share * segment[2], max(gap, 0.0) + ON_EDGE
             if (
                 abs(share - 0.5) * length > 0.5 * length + beyond
                 or abs(along - 0.5 * piece[2]) > 0.5 * piece[2] + beyond

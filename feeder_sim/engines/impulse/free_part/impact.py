@@ -33,7 +33,7 @@ DOWN = (0.0, 0.0, -1.0)
 def chatter_time(push, twist, bounds):
     """Time [s] of bounces that are summed: the change of an acceleration moves a point by less than the tolerance.
 
-    push: the largest of the surface [m/s^2]; twist: see `Unsure`.
+    push: the largest of the surface [m/s^2]; twist: see `RemainderBounds`.
     """
     jerk, longest = push * bounds.rate + twist, LONGEST_CHATTER
     if 6.0 * bounds.exact.tolerance < jerk * longest * longest * longest:

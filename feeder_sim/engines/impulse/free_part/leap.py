@@ -29,29 +29,30 @@ LONGEST, STRIDE = 8.0, 1.0  # [rad] of the surface's fastest motion: of a leap, 
 POLISHED, LONGER = 5, 4.0  # leaps by a polynomial; how much longer is one after a whole stride
 ALIKE = 1.0  # of the last leap: points that are due within that are looked at together
 UNSEEN = 0.05  # tolerances by which a contact may be late since its time is not known better
-WILD = 8.0  # a fourth derivative of the path of a point, by the third and the spin, is less
+SNAP_PER_TWIST = 8.0  # a fourth derivative of the path of a point, by the third and the spin, is less
 
 
-class Unsure(NamedTuple):
-    """What is not known of the motion of points.
+class RemainderBounds(NamedTuple):
+    """Bounds on what is not known of the motion of points.
 
-    slack: acceleration by a slope that is crossed [m/s^2]; twist, wild: third and fourth derivatives by turning
+    slack: acceleration by a slope that is crossed [m/s^2]; twist, snap_bound: third and fourth derivatives by turning
     [m/s^3, m/s^4]; curving: half the acceleration by the curvature of the surface [m/s^2].
     """
 
     slack: float
     twist: float
-    wild: float
+    snap_bound: float
     curving: float
 
 
 @inlined
-def unsure_of(part, kind, bounds, turning):
+def remainder_bounds(part, kind, bounds, turning):
     v = part.velocity
     sideways = math.sqrt(v[0] * v[0] + v[1] * v[1]) + turning.speed
     slack, curving = 2.0 * bounds.slope * bounds.rate * sideways, 0.5 * bounds.curvature * sideways * sideways
     twist = twist_of(kind, turning)
-    return Unsure(slack, twist, WILD * twist * turning.speed / kind.reach if twist > 0.0 else 0.0, curving)
+    snap_bound = SNAP_PER_TWIST * twist * turning.speed / kind.reach if twist > 0.0 else 0.0
+    return RemainderBounds(slack, twist, snap_bound, curving)
 
 
 @inlined
@@ -96,7 +97,7 @@ def shortest_leap(part, bounds, turning):
 
 
 @uncounted
-def first_contact(n, limit, plate, t, unsure, work):
+def first_contact(n, limit, plate, t, remainder, work):
     """Time after t [s] before which none of the first n points touches, nor comes below the crest; at most the limit.
 
     Points that forces see to are left out. The most urgent point is seen to first: it leaves little to find for others.
@@ -125,8 +126,8 @@ def first_contact(n, limit, plate, t, unsure, work):
             i = k if k < n else k - n
             point = work.point[i]
             if point.safe <= far + together:
-                found, point.lands = _safe_leap(i, far, next_far - far, plate.bounds, unsure, work)
-                point.safe = far + found
+                flight, point.lands = _safe_leap(i, far, next_far - far, plate.bounds, remainder, work)
+                point.safe = far + flight
             if point.safe < next_far:
                 next_far, lands, first = point.safe, point.lands, i
         far, together = next_far, ALIKE * (next_far - far)
@@ -136,31 +137,31 @@ def first_contact(n, limit, plate, t, unsure, work):
 
 
 @inlined
-def _safe_leap(i, far, enough, bounds, unsure, work):
+def _safe_leap(i, far, enough, bounds, remainder, work):
     """Time [s] from `far` [s] on for which point i cannot touch, `enough` if it can be; and whether it touches then."""
     point = work.point[i]
     nearly, phase, per_fastest = 0.5 * NEARLY * bounds.exact.touch, bounds.rate * far, 1.0 / bounds.rate
-    gap, rate, closing, change = _expected(i, far, bounds, unsure, work)
+    gap, rate, closing, change = _expected(i, far, bounds, remainder, work)
     if gap <= nearly:
         return 0.0, True
     # The plate pushes more, or less, where the point has come to after that phase of its motion.
-    push = point.most_push + unsure.slack * (2.0 + 0.5 * (phase + LONGEST))
-    snap = (push * bounds.rate + point.unsure) * bounds.rate + unsure.wild + point.wild
-    change += point.unsure
+    push = point.most_push + remainder.slack * (2.0 + 0.5 * (phase + LONGEST))
+    snap = (push * bounds.rate + point.jerk_bound) * bounds.rate + remainder.snap_bound + point.snap_bound
+    change += point.jerk_bound
     longest = LONGEST * per_fastest
     if enough < longest:
         bends = 0.5 * max(closing, 0.0) + enough * SIXTH * (max(change, 0.0) + 0.25 * enough * snap)
         if gap + enough * (rate - enough * bends) > nearly:
             return enough, False
-    found = min(leap(gap, rate, point.most_own + push), longest)
-    if found >= enough:
-        return found, False
+    flight = min(leap(gap, rate, point.most_own + push), longest)
+    if flight >= enough:
+        return flight, False
     further, lands = polynomial_leap(gap, (rate, closing, change), snap, STRIDE * per_fastest, nearly)
-    return (further, lands) if further > found else (found, False)
+    return (further, lands) if further > flight else (flight, False)
 
 
 @inlined
-def _expected(i, far, bounds, unsure, work):
+def _expected(i, far, bounds, remainder, work):
     """Gap over half a touch, its rate, and as in `ahead`, a time [s] after the look; at the worst, but for UNSEEN."""
     point, half = work.point[i], 0.5 * bounds.exact.touch
     if far == 0.0:
@@ -169,16 +170,16 @@ def _expected(i, far, bounds, unsure, work):
     gap, rate, closing, change = ahead(point, work.under[i], far, work.now, work.then)
     if gap > 2.0 * half:
         point.inside = 0.0
-    more, wild = far * point.unsure, far * far * (unsure.wild + point.wild)
+    more, snap_bound = far * point.jerk_bound, far * far * (remainder.snap_bound + point.snap_bound)
     phase, bent, slip = bounds.rate * far, 0.0, 0.0
     if point.sort <= ON_CIRCLE:
-        bent = unsure.curving
+        bent = remainder.curving
         if point.sort == ON_CIRCLE:  # slides
             bent = 2.0 * bent + bounds.curvature * dot(point.swing, point.swing)
     elif point.sort == AT_EDGE:  # the place on the edge moves along it
-        slip, more = unsure.slack / bounds.rate, more + unsure.slack
-    margin = far * (slip + far * (SIXTH * (more + 0.25 * wild) + bent))
-    rate -= slip + far * (0.5 * more + SIXTH * wild + bent * (2.0 + phase))
-    closing += more + 0.5 * wild + bent * (2.0 + phase * (4.0 + phase))
+        slip, more = remainder.slack / bounds.rate, more + remainder.slack
+    margin = far * (slip + far * (SIXTH * (more + 0.25 * snap_bound) + bent))
+    rate -= slip + far * (0.5 * more + SIXTH * snap_bound + bent * (2.0 + phase))
+    closing += more + 0.5 * snap_bound + bent * (2.0 + phase * (4.0 + phase))
     gap += point.inside - half
-    return gap - max(margin - UNSEEN * bounds.exact.tolerance, 0.0), rate, closing, change + far * point.wild
+    return gap - max(margin - UNSEEN * bounds.exact.tolerance, 0.0), rate, closing, change + far * point.snap_bound

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_flight import orthonormalise
 from feeder_sim.engines.impulse.free_part.notes import Notes
-from feeder_sim.engines.impulse.free_part.ride import bring
+from feeder_sim.engines.impulse.free_part.ride import move_to
 from feeder_sim.engines.impulse.free_part.step import step
 from feeder_sim.engines.impulse.scratch import Scratch
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, PART, Kinds
@@ -83,7 +83,7 @@ def _through_window(frame, free, plate, clock, frames, seen):
         shown, t = frames.time[frame], clock[DUE]
         if t >= shown:
             seen[0] = part  # which itself is left as it is
-            bring(seen[0], kind, shown, plate.surface)
+            move_to(seen[0], kind, shown, plate.surface)
             write_state(seen[0], kind, frames.row[frame, 0])
             frame += 1
             frames.interrupt[WHOLE] = frame

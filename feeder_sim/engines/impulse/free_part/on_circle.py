@@ -30,7 +30,7 @@ NONE = (0.0, 0.0, 0.0)
 
 
 @uncounted
-def look_at_circles(part, kinds, plate, first, t, moved, turning, work):
+def evaluate_circles(part, kinds, plate, first, t, moved, turning, work):
     """Fill the lowest points of both circles, from `first` on; nothing for other kinds.
 
     Returns their end, whether one is close, and whether the surface has been moved to time t [s].
@@ -79,8 +79,8 @@ def move_on_circle(i, part, kind, turning, work):
     turns = fast * fast + (turning.acceleration / kind.reach if kind.reach > 0.0 else 0.0)
     tips = abs(tips) / math.sqrt(size)
     swings = tips * fast / math.sqrt(size)
-    point.unsure = GROWS * point.rolls * tips * (2.0 * turns + 3.0 * swings)
-    point.wild = GROWS * point.rolls * (turns + swings) * (turns + swings)
+    point.jerk_bound = GROWS * point.rolls * tips * (2.0 * turns + 3.0 * swings)
+    point.snap_bound = GROWS * point.rolls * (turns + swings) * (turns + swings)
 
 
 @inlined

@@ -35,7 +35,7 @@ UP = (0.0, 0.0, 1.0)
 
 
 @inlined
-def look_at_corners(part, kinds, plate, t, turning, work):
+def evaluate_corners(part, kinds, plate, t, turning, work):
     """Fill the first of all points, one for each corner.
 
     Returns their number, whether one is close to the surface, and whether that has been moved to time t.
@@ -58,8 +58,8 @@ def see_corner(i, arm, part, kind, plate, t, moved, work):
     Returns whether the surface has been moved to time t, and whether the point is close to it.
     """
     point, surface = work.point[i], plate.surface
-    point.sort, point.most_push, point.unsure = ABOVE, 0.0, 0.0
-    point.push, point.wild, point.carried, point.rolls = 0.0, 0.0, 0, 0.0
+    point.sort, point.most_push, point.jerk_bound = ABOVE, 0.0, 0.0
+    point.push, point.snap_bound, point.carried, point.rolls = 0.0, 0.0, 0, 0.0
     point.gap = part.position[2] + arm[2] - kind.radius - plate.bounds.crest
     write_to(point.arm, plus(arm, -kind.radius, UP))
     write_to(point.normal, UP)

@@ -18,7 +18,7 @@ STILL = (0.0, 0.0, 0.0)
 
 
 @uncounted
-def look_at_rim(part, kinds, plate, first, turning, work):
+def evaluate_rim(part, kinds, plate, first, turning, work):
     """Fill a point for every corner at each wall that is near, from `first` on.
 
     Returns the end, and whether one is close.
@@ -33,7 +33,7 @@ def look_at_rim(part, kinds, plate, first, turning, work):
         for i in range(corners.shape[0]):
             point, arm = work.point[n], arm_of(part, corners, i)
             point.sort, point.carried, point.gap = ON_WALL, 0, room + dot(normal, arm) - kind.radius
-            point.friction, point.unsure, point.rolls, point.wild = kind.friction[0], 0.0, 0.0, 0.0
+            point.friction, point.jerk_bound, point.rolls, point.snap_bound = kind.friction[0], 0.0, 0.0, 0.0
             point.push = point.most_push = point.push_rate = 0.0
             write_to(point.arm, plus(arm, -kind.radius, normal))
             write_to(point.normal, normal)
@@ -56,13 +56,13 @@ def _room(wall, part, plate):
 @inlined
 def time_to_rim(part, kind, plate):
     """Time [s] before which the part comes near no wall that it is not near yet."""
-    found = math.inf
+    earliest = math.inf
     for wall in range(4):
         along, sign, room = _room(wall, part, plate)
-        way = room - kind.reach - kind.radius
-        if way > NEAR and sign * part.velocity[along] > 0.0:
-            found = min(found, way / (sign * part.velocity[along]))
-    return found
+        distance = room - kind.reach - kind.radius
+        if distance > NEAR and sign * part.velocity[along] > 0.0:
+            earliest = min(earliest, distance / (sign * part.velocity[along]))
+    return earliest
 
 
 @inlined

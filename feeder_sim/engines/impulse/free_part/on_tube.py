@@ -29,7 +29,7 @@ STILL = (0.0, 0.0, 0.0)
 
 
 @uncounted
-def look_at_tube(part, kinds, plate, first, turning, work):
+def evaluate_tube(part, kinds, plate, first, turning, work):
     """Fill a point for every corner, from `first` on; returns the end, and whether one is close."""
     kind, wall, close = kinds.record[part.kind], plate.wall, False
     corners, room = kinds.corners[kind.corner_from : kind.corner_to], wall.radius - kind.radius
@@ -40,7 +40,7 @@ def look_at_tube(part, kinds, plate, first, turning, work):
         rho = math.sqrt(dot(p, p))
         normal = plus(STILL, -1.0 / rho, p) if rho > TINY else ACROSS
         point.sort, point.carried, point.gap = ON_WALL, 0, 0.5 * (room - rho) * (room + rho) / room
-        point.friction, point.unsure, point.rolls = wall.friction, 0.0, 0.0
+        point.friction, point.jerk_bound, point.rolls = wall.friction, 0.0, 0.0
         point.push = point.most_push = point.push_rate = 0.0
         write_to(point.arm, plus(arm, -kind.radius, normal))
         write_to(point.normal, normal)
@@ -88,7 +88,7 @@ def move_at_tube(i, part, kind, plate, turning, work):
     most = GRAVITY * math.sqrt(max(1.0 - wall.axis[2] * wall.axis[2], 0.0)) + turning.acceleration
     fastest = math.sqrt(dot(v, v)) + most * min(LONGEST / plate.bounds.fastest, WINDOW)
     point.most_own = most + fastest * fastest / room
-    point.wild = (3.0 * most * most + 4.0 * fastest * twist_of(kind, turning)) / room
+    point.snap_bound = (3.0 * most * most + 4.0 * fastest * twist_of(kind, turning)) / room
 
 
 @inlined

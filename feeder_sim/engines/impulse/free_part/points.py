@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from feeder_sim.engines.impulse.free_part.at_edge import REACH, look_at_edge, move_edge_point
-from feeder_sim.engines.impulse.free_part.on_circle import look_at_circles, move_on_circle
-from feeder_sim.engines.impulse.free_part.on_plate import look_at_corners, move_corner
+from feeder_sim.engines.impulse.free_part.at_edge import REACH, evaluate_edge, move_edge_point
+from feeder_sim.engines.impulse.free_part.on_circle import evaluate_circles, move_on_circle
+from feeder_sim.engines.impulse.free_part.on_plate import evaluate_corners, move_corner
 from feeder_sim.engines.impulse.free_part.path import Turning, turning_of
-from feeder_sim.engines.impulse.free_part.walls import in_tube, look_at_walls, move_at_wall, walled
+from feeder_sim.engines.impulse.free_part.walls import evaluate_walls, in_tube, move_at_wall, walled
 from feeder_sim.engines.impulse.scratch import ABOVE, AT_EDGE, ON_WALL
 from feeder_sim.engines.impulse.surface import move_surface
 from feeder_sim.engines.surface_arrays import edge_distance
@@ -27,20 +27,20 @@ class Seen(NamedTuple):
 
 
 @inlined
-def look(part, kinds, plate, t, work):
+def evaluate_points(part, kinds, plate, t, work):
     """Fill all points at time t [s]; returns what is seen."""
     kind = kinds.record[part.kind]
     turning = turning_of(part, kind)
-    n, close, moved = look_at_corners(part, kinds, plate, t, turning, work)
-    n, on_circle, moved = look_at_circles(part, kinds, plate, n, t, moved, turning, work)
+    n, close, moved = evaluate_corners(part, kinds, plate, t, turning, work)
+    n, on_circle, moved = evaluate_circles(part, kinds, plate, n, t, moved, turning, work)
     near_edge, at_edge = _may_reach_edge(part, kind, plate.surface), False
     if walled(plate) and not in_tube(plate):
         near_edge = False  # behind the rim
     if near_edge:
         if not moved:
             move_surface(t, plate.surface, work.now)
-        n, at_edge = look_at_edge(part, kinds, plate, n, turning, work)
-    n, at_wall = look_at_walls(part, kinds, plate, n, turning, work)
+        n, at_edge = evaluate_edge(part, kinds, plate, n, turning, work)
+    n, at_wall = evaluate_walls(part, kinds, plate, n, turning, work)
     return Seen(n, close or on_circle or at_edge or at_wall, near_edge, turning)
 
 

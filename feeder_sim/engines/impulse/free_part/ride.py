@@ -1,7 +1,7 @@
 """A part that moves with the surface: it lies on it, does not slip, and nothing lifts it before a time that is known.
 
 The surface has a frame at the place under the part, which moves with the plate and turns as the plate bends. A part
-that follows keeps its seat in that frame, whatever the time between two looks; it costs nothing. It may do so while
+that follows keeps its offset in that frame, whatever the time between two looks; it costs nothing. It may do so while
 
     m (g + a) = N > 0                                  the plate does not fall away faster than the part
     |lateral force| <= FIRM mu N                       friction holds it
@@ -45,7 +45,7 @@ DIRECTIONS = 16
 HALVINGS = 12  # of a stride: a few nanoseconds
 
 
-class Seat(NamedTuple):
+class Support(NamedTuple):
     """How a part sits on its supports.
 
     height: of its centre over them [m]; radius: see `_support_radius`; inertia: the largest, by its mass [m^2].
@@ -58,7 +58,7 @@ class Seat(NamedTuple):
 
 
 @uncounted
-def bring(part, kind, t, surface):
+def move_to(part, kind, t, surface):
     """Bring a part to time t [s], whatever it does."""
     if part.phase == FOLLOWING:
         _follow(part, kind, t, surface)
@@ -120,13 +120,13 @@ def _turned(about, a, sense):
 def _follow(part, kind, t, surface):
     """Put a part where the surface is at time t, with its velocities."""
     origin, about, velocity, spin = _frame(part.place, t, surface)
-    seat = _turned(about, (part.seat[0], part.seat[1], part.seat[2]), 1.0)
-    carried = cross(spin, seat)
+    offset = _turned(about, (part.offset[0], part.offset[1], part.offset[2]), 1.0)
+    carried = cross(spin, offset)
     for k in range(3):
-        part.position[k] = origin[k] + seat[k]
+        part.position[k] = origin[k] + offset[k]
         part.velocity[k] = velocity[k] + carried[k]
     for k in range(3):
-        x, y, z = _turned(about, (part.facing[0, k], part.facing[1, k], part.facing[2, k]), 1.0)
+        x, y, z = _turned(about, (part.orientation[0, k], part.orientation[1, k], part.orientation[2, k]), 1.0)
         part.attitude[0, k], part.attitude[1, k], part.attitude[2, k] = x, y, z
     r, inertia = part.attitude, kind.inertia
     for k in range(3):
@@ -139,15 +139,15 @@ def _follow(part, kind, t, surface):
 
 
 @uncounted
-def sit_down(part, kind, t, surface):
+def start_riding(part, kind, t, surface):
     """From time t on the part follows the surface under its centre."""
     part.place[0], part.place[1] = part.position[0], part.position[1]
     origin, about, _, _ = _frame(part.place, t, surface)
-    seat = part.position[0] - origin[0], part.position[1] - origin[1], part.position[2] - origin[2]
-    write_to(part.seat, _turned(about, seat, -1.0))
+    offset = part.position[0] - origin[0], part.position[1] - origin[1], part.position[2] - origin[2]
+    write_to(part.offset, _turned(about, offset, -1.0))
     for k in range(3):
         axis = part.attitude[0, k], part.attitude[1, k], part.attitude[2, k]
-        part.facing[0, k], part.facing[1, k], part.facing[2, k] = _turned(about, axis, -1.0)
+        part.orientation[0, k], part.orientation[1, k], part.orientation[2, k] = _turned(about, axis, -1.0)
     part.phase = FOLLOWING
     _follow(part, kind, t, surface)
 
@@ -157,11 +157,11 @@ def goes_along(part, height, t, surface, work):
     """Whether the part, as the solution of its contacts has it, moves and turns as the surface does at time t [s]."""
     _, _, velocity, spin = _frame(part.position, t, surface)
     carried = cross(spin, (0.0, 0.0, height))
-    found = True
+    matches = True
     for k in range(3):
-        found = found and abs(work.bodies.velocity[0, k] - velocity[k] - carried[k]) < ALONG
-        found = found and abs(work.bodies.spin[0, k] - spin[k]) * height < ALONG
-    return found
+        matches = matches and abs(work.bodies.velocity[0, k] - velocity[k] - carried[k]) < ALONG
+        matches = matches and abs(work.bodies.spin[0, k] - spin[k]) * height < ALONG
+    return matches
 
 
 @uncounted
@@ -176,7 +176,7 @@ def follows_until(part, kind, plate, now, height, work):
     if _bends(part, n, under, bounds, work):
         return t
     most = max(kind.inertia[0], kind.inertia[1], kind.inertia[2])
-    seat = Seat(height, _support_radius(n, bounds, work), most / kind.mass, kind.friction[0])
+    support = Support(height, _support_radius(n, bounds, work), most / kind.mass, kind.friction[0])
     # The largest acceleration of all.
     push = along = turning = 0.0
     moves = surface.half_thickness * surface.in_plane
@@ -186,18 +186,18 @@ def follows_until(part, kind, plate, now, height, work):
         turning += a * (abs(under[s, SLOPE_X]) + abs(under[s, SLOPE_Y]))
         along += moves * a * (abs(under[s, TURN_X]) + abs(under[s, TURN_Y]))
     along += height * turning
-    if _held(GRAVITY - push, along + GRAVITY * bounds.slope, turning, seat):
+    if _is_supported(GRAVITY - push, along + GRAVITY * bounds.slope, turning, support):
         return until
     if bounds.fastest * (until - t) < STRIDE:
         return t
     good, stride = t, STRIDE / bounds.fastest
     while good < until:
         next_time = min(good + stride, until)
-        if not _held_at(next_time, under, seat, surface, work):
+        if not _is_supported_at(next_time, under, support, surface, work):
             bad = next_time
             for _ in range(HALVINGS):
                 middle = 0.5 * (good + bad)
-                if _held_at(middle, under, seat, surface, work):
+                if _is_supported_at(middle, under, support, surface, work):
                     good = middle
                 else:
                     bad = middle
@@ -207,7 +207,7 @@ def follows_until(part, kind, plate, now, height, work):
 
 
 @inlined
-def _held_at(t, under, seat, surface, work):
+def _is_supported_at(t, under, support, surface, work):
     """Whether a part that follows is held at time t."""
     move_surface(t, surface, work.then)
     push = x = y = about_x = about_y = slope_x = slope_y = 0.0
@@ -221,27 +221,27 @@ def _held_at(t, under, seat, surface, work):
         about_y -= a * under[s, SLOPE_X]
         slope_x += q * under[s, SLOPE_X]
         slope_y += q * under[s, SLOPE_Y]
-    x, y = x + about_y * seat.height + GRAVITY * slope_x, y - about_x * seat.height + GRAVITY * slope_y
+    x, y = x + about_y * support.height + GRAVITY * slope_x, y - about_x * support.height + GRAVITY * slope_y
     turning = math.sqrt(about_x * about_x + about_y * about_y)
-    return _held(GRAVITY + push, math.sqrt(x * x + y * y), turning, seat)
+    return _is_supported(GRAVITY + push, math.sqrt(x * x + y * y), turning, support)
 
 
 @inlined
-def _held(normal, lateral, turning, seat):
+def _is_supported(normal, lateral, turning, support):
     """Whether friction and supports hold a part, for accelerations along and across the normal, and of its turning."""
-    moment = seat.inertia * turning + seat.height * lateral
+    moment = support.inertia * turning + support.height * lateral
     return (
         normal > 0.0
-        and seat.radius >= -LEVEL * seat.height
-        and lateral <= FIRM * seat.friction * normal
-        and moment <= (BALANCED * max(seat.radius, 0.0) + LEVEL * seat.height) * normal
+        and support.radius >= -LEVEL * support.height
+        and lateral <= FIRM * support.friction * normal
+        and moment <= (BALANCED * max(support.radius, 0.0) + LEVEL * support.height) * normal
     )
 
 
 @inlined
 def _bends(part, n, under, bounds, work):
     """Whether the plate bends away from its tangent plane, under a support, by more than may be."""
-    found = False
+    bends = False
     for i in range(n):
         point = work.point[i]
         if not touches(point, BENDS * bounds.exact.tolerance):
@@ -250,8 +250,8 @@ def _bends(part, n, under, bounds, work):
         for s in range(under.shape[0]):
             plane = under[s, HEIGHT] + under[s, SLOPE_X] * point.arm[0] + under[s, SLOPE_Y] * point.arm[1]
             bent += 2.0 * bounds.amplitude[s] * abs(work.under[i, s, HEIGHT] - plane)
-        found = found or bent > BENDS * bounds.exact.tolerance
-    return found
+        bends = bends or bent > BENDS * bounds.exact.tolerance
+    return bends
 
 
 @inlined

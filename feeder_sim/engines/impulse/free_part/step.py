@@ -1,6 +1,6 @@
 """One free part over the plate: leap, verify, classify, act (docs/contact.md).
 
-leap       bring the part to the time at which it is due
+leap       move the part to the time at which it is due
 verify     no point may be in the plate by more than before. If one is, the part goes back, and the time of contact is
            found by halving what was leapt; what has no such time came from beside the plate, under its sheet
 classify   a point that touches approaches, is held, or is free; the solution of all contacts says which of the last two
@@ -18,11 +18,11 @@ import numpy as np
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.circles import is_round
 from feeder_sim.engines.impulse.free_part.impact import TOGETHER, strike
-from feeder_sim.engines.impulse.free_part.leap import first_contact, shortest_leap, unsure_of
+from feeder_sim.engines.impulse.free_part.leap import first_contact, remainder_bounds, shortest_leap
 from feeder_sim.engines.impulse.free_part.notes import note_contact, speed_of_touched_plate
 from feeder_sim.engines.impulse.free_part.on_plate import CLOSE
-from feeder_sim.engines.impulse.free_part.points import look, lowest_gap, touches
-from feeder_sim.engines.impulse.free_part.ride import bring, follows_until, goes_along, sit_down
+from feeder_sim.engines.impulse.free_part.points import evaluate_points, lowest_gap, touches
+from feeder_sim.engines.impulse.free_part.ride import follows_until, goes_along, move_to, start_riding
 from feeder_sim.engines.impulse.free_part.sustained import CARRIED, Moment, press
 from feeder_sim.engines.impulse.free_part.walls import in_tube, leans, time_to_walls, walled
 from feeder_sim.engines.impulse.scratch import LATE, SPENT
@@ -33,14 +33,14 @@ ASIDE = 1e-5  # [m]; no plate moves a part that follows it sideways by more
 NEVER = 1e9  # [s]; the flight of a part that is not over the plate
 ENTERED = 1.0  # tolerances that a point may come into the plate in a leap; pressed ones are moved by CARRIED
 SURE, HALVINGS = 0.1, 40  # tolerances that anything may move while the time of a contact is not known
-LOOKS, PAID = 200.0, 6e6  # looks at once, and per second; where more are asked for, they are SPARING apart
-SPARING = 6e-7  # [s]
+LOOKS, PAID = 200.0, 6e6  # looks at once, and per second; where more are asked for, they are BUDGET_INTERVAL apart
+BUDGET_INTERVAL = 6e-7  # [s]
 PAST = 1e-3  # [s] between looks at a part that falls past the plate
 STILL = 1e-6  # [m/s]; what is as slow on a plate that is calm, and does not slip, rests
 BALANCED = 1e-3  # of its weight, and of that times its reach
 SKIPPED = 8  # looks after one at which a part may not follow
 JUST = 1e-12  # [s] before
-LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
+LEAST_INTERVAL = 1e-5  # [s]; points at the edge of the plate come and go
 
 
 @inlined
@@ -48,7 +48,7 @@ def step(free, plate, t):
     """Bring the part to time t [s] and see what it does; returns when to look at it next [s]."""
     part, kind = free.parts[0], free.kinds.record[free.parts[0].kind]
     free.work.before[0] = part
-    bring(part, kind, t, plate.surface)
+    move_to(part, kind, t, plate.surface)
     part.phase = FREE
     height = part.position[2] - kind.reach - kind.radius - plate.bounds.crest
     if height > CLOSE and not walled(plate):
@@ -56,32 +56,32 @@ def step(free, plate, t):
         return t + (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY
     if part.beside:
         return t + PAST
-    spent = _spends_budget(part, t, free.work)
-    t, seen = _verify(free, plate, t, look(part, free.kinds, plate, t, free.work), spent)
+    over_budget = _spends_budget(part, t, free.work)
+    t, seen = _verify(free, plate, t, evaluate_points(part, free.kinds, plate, t, free.work), over_budget)
     if part.beside:
         return t
     part.depth = max(-lowest_gap(seen.n, free.work), 0.0)
     if t < part.jammed:
         for i in range(seen.n):
             free.work.point[i].friction = 0.0
-    due = _act(free, plate, t, seen, spent)
-    return max(due, t + SPARING) if spent else due
+    due = _act(free, plate, t, seen, over_budget)
+    return max(due, t + BUDGET_INTERVAL) if over_budget else due
 
 
 @inlined
 def _spends_budget(part, t, work):
     """Count a look; returns whether there were too many of late."""
-    spent = part.looks >= LOOKS
+    over_budget = part.looks >= LOOKS
     part.looks = max(part.looks - PAID * (t - part.budget), 0.0) + 1.0
     part.budget = t
-    if part.looks >= LOOKS and not spent:
+    if part.looks >= LOOKS and not over_budget:
         part.looks += 0.5 * LOOKS  # so that it is over for some us, not from one look to the next
         work.counts[SPENT] += 1
     return part.looks >= LOOKS
 
 
 @inlined
-def _verify(free, plate, t, seen, spent):
+def _verify(free, plate, t, seen, over_budget):
     """See that no point has come into the plate; returns a time [s] at which that is so, and what is seen then."""
     part, before, work, surface = free.parts[0], free.work.before[0], free.work, plate.surface
     # Of a circle ever another point comes up, a little deeper than the corners on it.
@@ -101,7 +101,7 @@ def _verify(free, plate, t, seen, spent):
     if again:
         part.beside = 1
         return t, seen
-    if spent:
+    if over_budget:
         work.counts[LATE] += 1
         return t, seen
     return _go_back(free, plate, t, allowed)
@@ -120,11 +120,11 @@ def _go_back(free, plate, late, allowed):
     while late - early > sure and looks < HALVINGS:
         looks += 1
         t = 0.5 * (early + late)
-        if lowest_gap(_look_back(free, kind, plate, t).n, work) < -allowed:
+        if lowest_gap(_last_safe_time(free, kind, plate, t).n, work) < -allowed:
             late = t
         else:
             early = t
-    seen = _look_back(free, kind, plate, late)
+    seen = _last_safe_time(free, kind, plate, late)
     if seen.near_edge and lowest_gap(seen.n, work) < -max(allowed, CLOSE):
         part.beside = 1
     else:
@@ -134,16 +134,16 @@ def _go_back(free, plate, late, allowed):
 
 
 @inlined
-def _look_back(free, kind, plate, t):
+def _last_safe_time(free, kind, plate, t):
     """Look at the part at a time [s] before the last look and after the one before it."""
     free.parts[0] = free.work.before[0]
-    bring(free.parts[0], kind, t, plate.surface)
+    move_to(free.parts[0], kind, t, plate.surface)
     free.parts[0].phase = FREE
-    return look(free.parts[0], free.kinds, plate, t, free.work)
+    return evaluate_points(free.parts[0], free.kinds, plate, t, free.work)
 
 
 @inlined
-def _act(free, plate, t, seen, spent):
+def _act(free, plate, t, seen, over_budget):
     """What the part does after a look; returns when to look at it next [s]. spent: nothing bounces."""
     part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
     until, bounds, turning = next_switch(plate.surface, t, plate.bounds.end), plate.bounds, seen.turning
@@ -151,24 +151,25 @@ def _act(free, plate, t, seen, spent):
     if seen.close:
         if in_tube(plate):
             rises = speed_of_touched_plate(seen.n, TOGETHER * bounds.exact.tolerance, work)
-        turning = strike(free, seen, not spent, plate)
-    shortest, unsure = shortest_leap(part, bounds, turning), unsure_of(part, kind, bounds, turning)
+        turning = strike(free, seen, not over_budget, plate)
+    shortest, remainder = shortest_leap(part, bounds, turning), remainder_bounds(part, kind, bounds, turning)
     if seen.close:
-        now = Moment(t, until, seen.n, turning, unsure)
-        stays, held = press(free, plate, now, SPARING if spent else shortest)  # until it is looked at
+        now = Moment(t, until, seen.n, turning, remainder)
+        least = BUDGET_INTERVAL if over_budget else shortest
+        stays, supported = press(free, plate, now, least)  # until it is looked at
         if stays > 0.0:
-            part.held = part.held + 1 if held else min(part.held, 0)
-            due = t + (_stay(part, kind, plate, now, stays, work) if held else stays)
+            part.supported = part.supported + 1 if supported else min(part.supported, 0)
+            due = t + (_stay(part, kind, plate, now, stays, work) if supported else stays)
             if in_tube(plate):
                 note_contact(free.notes, t, due + 0.0 * rises, rises - before, part)
             return due
-        part.held = 0
+        part.supported = 0
     if in_tube(plate):
         note_contact(free.notes, t, t + 0.0 * rises, rises - before, part)
     limit = min(until - t, time_to_walls(part, kind, plate))
     if seen.near_edge:
-        limit = min(limit, max(LEAST_LOOK, 0.25 * max(lowest_gap(seen.n, work), 0.0) / top_speed(part, kind)))
-    return min(t + max(first_contact(seen.n, limit, plate, t, unsure, work), shortest), until)
+        limit = min(limit, max(LEAST_INTERVAL, 0.25 * max(lowest_gap(seen.n, work), 0.0) / top_speed(part, kind)))
+    return min(t + max(first_contact(seen.n, limit, plate, t, remainder, work), shortest), until)
 
 
 @inlined
@@ -179,15 +180,15 @@ def _stay(part, kind, plate, now, stays, work):
             return _rest(part)
         return stays
     height = height_of_centre(now.n, plate.bounds, work)
-    if part.held < 1 or not goes_along(part, height, now.t + stays, plate.surface, work):
+    if part.supported < 1 or not goes_along(part, height, now.t + stays, plate.surface, work):
         return stays
     ends = follows_until(part, kind, plate, now, height, work)
     if plate.bounds.calm and (ends == now.until or is_still(part, kind, plate.bounds, work)):
         return _rest(part)
     if ends - now.t <= stays:
-        part.held = -SKIPPED
+        part.supported = -SKIPPED
         return stays
-    sit_down(part, kind, now.t, plate.surface)
+    start_riding(part, kind, now.t, plate.surface)
     return ends - now.t
 
 

@@ -24,7 +24,7 @@ from feeder_sim.engines.impulse.contact_problem import (
 )
 from feeder_sim.engines.impulse.free_part.at_edge import edge_point_after
 from feeder_sim.engines.impulse.free_part.impact import LONGEST_CHATTER, chatter_time, gather, load_part
-from feeder_sim.engines.impulse.free_part.leap import Unsure, first_contact, shortest_leap
+from feeder_sim.engines.impulse.free_part.leap import RemainderBounds, first_contact, shortest_leap
 from feeder_sim.engines.impulse.free_part.on_circle import lowest_point_after
 from feeder_sim.engines.impulse.free_part.on_plate import corner_after
 from feeder_sim.engines.impulse.free_part.path import Turning, ahead
@@ -54,13 +54,13 @@ NOTHING = (0.0, 0.0, 0.0)
 
 
 class Moment(NamedTuple):
-    """A time [s]; until when nothing begins or ends [s]; how many points a part has, how it turns, what is unsure."""
+    """A time [s]; until when nothing begins or ends [s]; how many points a part has, how it turns, its remainder."""
 
     t: float
     until: float
     n: int
     turning: Turning
-    unsure: Unsure
+    remainder: RemainderBounds
 
 
 @inlined
@@ -91,9 +91,9 @@ def press(free, plate, now, least):
             work.point[i].carried = 0
         return 0.0, False
     _apply_forces(part, m, time, work)
-    push_others(part, kind, now.n, work)
+    push_unloaded(part, kind, now.n, work)
     time = min(time, until_dip(now.n, time, plate.bounds, work))
-    time = first_contact(now.n, time, plate, now.t, now.unsure, work)
+    time = first_contact(now.n, time, plate, now.t, now.remainder, work)
     return max(time, shortest_leap(part, plate.bounds, now.turning)), sticks
 
 
@@ -104,9 +104,9 @@ def _close(bounds, work):
 
 
 @inlined
-def _may_stay(point, gap, chatter, bounds, unsure):
+def _may_stay(point, gap, chatter, bounds, remainder):
     """Whether a point is so close, and so slow, that forces may keep it; whether they do is for the solution to say."""
-    slowly = max(SETTLED * chatter * (point.closing + unsure.curving), bounds.exact.approach)
+    slowly = max(SETTLED * chatter * (point.closing + remainder.curving), bounds.exact.approach)
     return touches(point, gap) and abs(point.rate) <= slowly
 
 
@@ -115,7 +115,7 @@ def time_of_forces(part, kind, bounds, now, work):
     """How long forces last [s], 0 if no point is pressed; and how long bounces are summed [s]."""
     close, may_stay = _close(bounds, work), False
     for i in range(now.n):
-        may_stay = may_stay or _may_stay(work.point[i], close, LONGEST_CHATTER, bounds, now.unsure)
+        may_stay = may_stay or _may_stay(work.point[i], close, LONGEST_CHATTER, bounds, now.remainder)
     if not may_stay:
         return 0.0, 0.0
     # A plate that only moves sideways has no push, and yet slip comes and goes within a period.
@@ -132,7 +132,7 @@ def time_of_forces(part, kind, bounds, now, work):
             elif point.sort == ON_CIRCLE:
                 slides = math.sqrt(dot(point.swing, point.swing)) + top_speed(part, kind)
                 longest = min(longest, max(ROLLED * math.sqrt(dot(point.arm, point.arm)) / slides, LEAST_ROLL))
-    chatter, time = chatter_time(most, now.unsure.twist, bounds), _time_of_change(most, longest, bounds)
+    chatter, time = chatter_time(most, now.remainder.twist, bounds), _time_of_change(most, longest, bounds)
     if now.turning.speed * time > TURNED * kind.reach:
         time = TURNED * kind.reach / now.turning.speed
     return time, chatter
@@ -156,9 +156,9 @@ def last_lift(bounds, now, chatter, work):
     close, lift = _close(bounds, work), 0.0
     for i in range(now.n):
         point = work.point[i]
-        if not _may_stay(point, close, chatter, bounds, now.unsure):
+        if not _may_stay(point, close, chatter, bounds, now.remainder):
             continue
-        root, closing, change = math.inf, point.closing + now.unsure.curving, point.closing_rate
+        root, closing, change = math.inf, point.closing + now.remainder.curving, point.closing_rate
         if point.most_push > 0.0 and change < 0.0:
             bend = -0.5 * bounds.rate * bounds.rate * point.push
             inside = change * change - 4.0 * bend * closing
@@ -327,7 +327,7 @@ def _slip_stops(part, kind, spin, contacts, work):
     F is taken for that of a part that does not turn.
     """
     (m, time, slips), pressed = contacts, 0.0
-    found, back = time, False
+    time_left, back = time, False
     for i in range(m):
         pressed += dot(work.contacts.vector[IMPULSE, i], work.contacts.vector[NORMAL, i])
     for i in range(m):
@@ -343,12 +343,12 @@ def _slip_stops(part, kind, spin, contacts, work):
         if share > FIRMLY:
             continue
         full = mu * pressed / kind.mass / time
-        others = (s - dot(_relative(i, work), u) / s) / time - share * full
-        if others + full > 0.0:
-            goes_back = (share < 0.0 or others > full) and point.sort != ON_WALL
-            found = min(found, (BACK if goes_back else 1.0) * s / (others + full))
+        slowing = (s - dot(_relative(i, work), u) / s) / time - share * full
+        if slowing + full > 0.0:
+            goes_back = (share < 0.0 or slowing > full) and point.sort != ON_WALL
+            time_left = min(time_left, (BACK if goes_back else 1.0) * s / (slowing + full))
             back = back or goes_back
-    return found, back
+    return time_left, back
 
 
 @inlined
@@ -425,7 +425,7 @@ def _stiff_row(i, bodies, work):
 
 
 @inlined
-def push_others(part, kind, n, work):
+def push_unloaded(part, kind, n, work):
     """Give the paths of the points that bear no load what forces do to them.
 
     A part that tips brings its far side down faster than it would fall by itself.
@@ -453,11 +453,11 @@ def push_others(part, kind, n, work):
 @inlined
 def until_dip(n, time, bounds, work):
     """When a point that is carried, and has no load since it leaves at the end of a time [s], is inside by too much."""
-    found, most = time, DIPS * bounds.exact.tolerance
+    time_left, most = time, DIPS * bounds.exact.tolerance
     for i in range(n):
         point = work.point[i]
         if point.carried == OFFERED:
             gap, _, _, _ = ahead(point, work.under[i], time, work.now, work.then)
             if min(point.gap, 0.0) - gap > most:
-                found = min(found, time * math.sqrt(most / (min(point.gap, 0.0) - gap)))
-    return found
+                time_left = min(time_left, time * math.sqrt(most / (min(point.gap, 0.0) - gap)))
+    return time_left

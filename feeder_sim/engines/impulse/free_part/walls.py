@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from feeder_sim.engines.impulse.free_part.on_rim import look_at_rim, move_at_rim, rim_point_after, time_to_rim
-from feeder_sim.engines.impulse.free_part.on_tube import look_at_tube, move_at_tube, tube_point_after
+from feeder_sim.engines.impulse.free_part.on_rim import evaluate_rim, move_at_rim, rim_point_after, time_to_rim
+from feeder_sim.engines.impulse.free_part.on_tube import evaluate_tube, move_at_tube, tube_point_after
 from feeder_sim.engines.impulse.impact_law import ON_PLATE, restitution_at
 from feeder_sim.engines.impulse.scratch import ON_WALL
 from feeder_sim.engines.impulse.surroundings import Rim, Tube
@@ -13,7 +13,7 @@ from feeder_sim.engines.impulse.vectors import vector
 from feeder_sim.machine_code import inlined, is_none, overload
 
 
-def look_at_walls(part, kinds, plate, first, turning, work):
+def evaluate_walls(part, kinds, plate, first, turning, work):
     """Fill a point for every corner at a wall, from `first` on; returns the end, and whether one is close."""
     raise NotImplementedError("for compiled code only")
 
@@ -54,13 +54,13 @@ def _walls(plate):
     return None if is_none(kind) else kind.instance_class
 
 
-@overload(look_at_walls)
-def _look(part, kinds, plate, first, turning, work):
+@overload(evaluate_walls)
+def _evaluate(part, kinds, plate, first, turning, work):
     if _walls(plate) is None:
         return lambda part, kinds, plate, first, turning, work: (first, False)
     if _walls(plate) is Tube:
-        return lambda part, kinds, plate, first, turning, work: look_at_tube(part, kinds, plate, first, turning, work)
-    return lambda part, kinds, plate, first, turning, work: look_at_rim(part, kinds, plate, first, turning, work)
+        return lambda part, kinds, plate, first, turning, work: evaluate_tube(part, kinds, plate, first, turning, work)
+    return lambda part, kinds, plate, first, turning, work: evaluate_rim(part, kinds, plate, first, turning, work)
 
 
 @overload(move_at_wall)
@@ -114,7 +114,7 @@ def _walled(plate):
 @inlined
 def leans(n, gap, work):
     """Whether one of the first n points is at a wall, up to a gap [m]."""
-    found = False
+    touches = False
     for i in range(n):
-        found = found or (work.point[i].sort == ON_WALL and work.point[i].gap <= gap)
-    return found
+        touches = touches or (work.point[i].sort == ON_WALL and work.point[i].gap <= gap)
+    return touches

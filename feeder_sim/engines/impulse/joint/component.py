@@ -21,14 +21,14 @@ from feeder_sim.engines.impulse.free_part.impact import (
     scatter,
 )
 from feeder_sim.engines.impulse.free_part.path import turning_of
-from feeder_sim.engines.impulse.free_part.points import look, lowest_gap, move_points, touches
-from feeder_sim.engines.impulse.free_part.ride import bring
+from feeder_sim.engines.impulse.free_part.points import evaluate_points, lowest_gap, move_points, touches
+from feeder_sim.engines.impulse.free_part.ride import move_to
 from feeder_sim.engines.impulse.free_part.step import NEVER
 from feeder_sim.engines.impulse.free_part.sustained import CARRIED
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import BETWEEN_PARTS, restitution_at
 from feeder_sim.engines.impulse.joint.forces import press_together
-from feeder_sim.engines.impulse.joint.members import NOTHING, gather_pair, look_at_pairs, members_of
+from feeder_sim.engines.impulse.joint.members import NOTHING, evaluate_pairs, gather_pair, members_of
 from feeder_sim.engines.impulse.scratch import LATE, of_member
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, FREE, top_speed
 from feeder_sim.engines.impulse.vectors import dot, write_to
@@ -42,7 +42,7 @@ CARRIES, STILL = 1e-6, 5e-3  # [m], [m/s]; points that carry, and speeds of part
 
 
 @uncounted
-def look_together(i, t, crowd, plate, tools):
+def check_component(i, t, crowd, plate, tools):
     """Bring the component of part i to time t [s], and see what it does.
 
     Returns the numbers of its members and pairs, until when [s], and whether forces act; without, each member knows
@@ -57,14 +57,14 @@ def look_together(i, t, crowd, plate, tools):
         if part.there == ASLEEP:
             part.there, part.clock = AWAKE, t
         view.before[0] = part
-        bring(part, kind, t, plate.surface)
+        move_to(part, kind, t, plate.surface)
         part.phase = FREE
-        together.number[k] = look(part, kinds, plate, t, view).n
+        together.number[k] = evaluate_points(part, kinds, plate, t, view).n
         gap = lowest_gap(together.number[k], view)
         if gap < -(view.before[0].depth + CARRIED * plate.bounds.exact.tolerance):
             work.counts[LATE] += 1
         part.depth = max(-gap, 0.0)
-    look_at_pairs(m, crowd, tools)
+    evaluate_pairs(m, crowd, tools)
     _strike(n, m, crowd, plate, together)
     asleep = False
     if plate.bounds.calm and t >= parts[i].weighed + AGAIN:

@@ -3,41 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log
-from feeder_sim.engines.impulse.crowd import find_neighbours
-from feeder_sim.engines.impulse.engine import WIDER, ImpulseEngine
-from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
+from feeder_sim.engines.impulse.crowd import Window, WindowResult
+from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.engines.impulse.frame_rows import FrameRows
 from feeder_sim.engines.impulse.free_part.notes import Notes
-from feeder_sim.engines.impulse.island import Share, Span
-from feeder_sim.engines.impulse.joint.loop import advance_together, open_parts, open_plate
+from feeder_sim.engines.impulse.joint.loop import advance_together, open_plate
 from feeder_sim.engines.impulse.joint.room import Tools, new_together
-from feeder_sim.engines.impulse.pairs.neighbours import Islands
-from feeder_sim.engines.impulse.state import Kinds, copied
+from feeder_sim.engines.impulse.state import copied
 from feeder_sim.engines.impulse.surroundings import WINDOW, Plate, read_walls
 from feeder_sim.engines.noise import new_streams
-from feeder_sim.engines.protocol import ENDED, new_interrupt
 from feeder_sim.machine_code import lasting
 from feeder_sim.records.seed import Counts
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose
 
 IMPACTS, COARSE = 300.0, 1e-9  # [1/s]: of a tolerance, how closely impacts of several are solved; [m], from where on
-
-
-class Crowd(NamedTuple):
-    """As `island.Crowd`; loads (parts, points, 6): what the points of each part bore last, force [N], moment [N m]."""
-
-    parts: NDArray[np.void]
-    begun: NDArray[np.void]
-    pairs: NDArray[np.void]
-    kinds: Kinds
-    islands: Islands
-    loads: NDArray[np.float64]
 
 
 class JointEngine(ImpulseEngine):
@@ -81,49 +66,23 @@ class JointEngine(ImpulseEngine):
         self._loads_opened = self._loads.copy()
         self._plate_span = np.array([-2.0, -1.0])
 
-    def _compute_window(self, until: float, frames: FrameRows | None = None) -> None:
-        if frames is None:
-            frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), new_interrupt())
-        parts, loads, (start, end) = copied(self._opened), self._loads_opened.copy(), self._span
-        begins = not self._plate_span[0] <= start < self._plate_span[1] - 1e-9
-        if begins:
+    def _open_plate(self) -> None:
+        """Terms and bounds of the window of the plate that the window under way lies in."""
+        start = self._span[0]
+        if not self._plate_span[0] <= start < self._plate_span[1] - 1e-9:
             self._plate_span[:] = start, start + WINDOW
             # Bounds outlast the window: nothing is due at its very end.
             terms, bounds = open_plate(self._drive(WINDOW), start, start + WINDOW + 1e-5)
-            self._terms, self._bounds = lasting(terms), lasting(bounds)
-        anew = start == self._plate_span[0]
-        plate = Plate(self._terms, self._bounds, self._wall)
-        reach = open_parts(parts, self._n, self._kinds, self._bounds, start, end - start, anew)
-        begun, loads_begun = copied(parts), loads.copy()
-        absent = np.flatnonzero(parts["there"] == 0)
-        frames.row[:, absent] = self._row[absent]
-        if len(absent) == self._n:
-            self._parts, self._pairs = parts, self._pairs_before[:0]
-            return
-        while True:
-            pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
-            crowd = Crowd(parts, begun, pairs, self._kinds, islands, loads)
-            span = Span(start, until, reach)
-            left = self._advance_joint(crowd, plate, span, frames)
-            if not left or frames.interrupt[ENDED]:
-                break
-            way = self._longest_way(parts, begun)
-            if not np.isfinite(way):
-                break  # for the guard to see
-            reach = WIDER * max(reach, way)
-            parts, loads = copied(begun), loads_begun.copy()
-        self._parts, self._pairs, self._loads = parts, pairs, loads
+            self._plate = lasting(Plate(terms, bounds, self._wall))
 
-    def _advance_joint(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
-        owner = self._owner_of(crowd.islands)
-        if self._pool is None:
-            return bool(advance_together(Share(owner, 0), crowd, plate, self._joint_tools[0], span, frames))
-        tasks = [
-            self._pool.submit(advance_together, Share(owner, i), crowd, plate, tools, span, frames)
-            for i, tools in enumerate(self._joint_tools)
-        ]
-        left = [task.result() for task in tasks]
-        return any(left)
+    def _place_at_begin(self) -> None:
+        super()._place_at_begin()
+        self._loads = self._loads_opened.copy()
+        self._open_plate()
+
+    def _advance_share(self, window: Window, frames: FrameRows) -> WindowResult:
+        opens, tools = window.start == self._plate_span[0], self._joint_tools[window.thread]
+        return advance_together(window, opens, self._parts, self._loads, self._kinds, self._plate, tools, frames)
 
     def _keep_begin_of_window(self) -> None:
         super()._keep_begin_of_window()

@@ -16,9 +16,9 @@ from feeder_sim.engines.impulse.contact_problem import (
     WORLD,
     solve,
 )
-from feeder_sim.engines.impulse.free_part.leap import first_contact, shortest_leap, unsure_of
+from feeder_sim.engines.impulse.free_part.leap import first_contact, remainder_bounds, shortest_leap
 from feeder_sim.engines.impulse.free_part.path import turning_of
-from feeder_sim.engines.impulse.free_part.ride import follows_until, goes_along, sit_down
+from feeder_sim.engines.impulse.free_part.ride import follows_until, goes_along, start_riding
 from feeder_sim.engines.impulse.free_part.step import height_of_centre, is_still, next_switch
 from feeder_sim.engines.impulse.free_part.sustained import (
     LIGHT,
@@ -31,7 +31,7 @@ from feeder_sim.engines.impulse.free_part.sustained import (
     keep_loads,
     last_lift,
     mark_carried,
-    push_others,
+    push_unloaded,
     time_of_forces,
     until_dip,
 )
@@ -101,11 +101,11 @@ def press_together(n, m, t, crowd, plate, together):
     for k in range(n):
         part, view = parts[work.member[k]], of_member(k, work)
         kind = kinds.record[part.kind]
-        push_others(part, kind, together.number[k], view)
+        push_unloaded(part, kind, together.number[k], view)
         ends = min(ends, until_dip(together.number[k], time, bounds, view))
     for k in range(n):
         now = _moment(k, t, until, crowd, plate, together)
-        ends = first_contact(together.number[k], ends, plate, t, now.unsure, of_member(k, work))
+        ends = first_contact(together.number[k], ends, plate, t, now.remainder, of_member(k, work))
     return t + max(ends, shortest), True
 
 
@@ -136,7 +136,7 @@ def _moment(k, t, until, crowd, plate, together):
     part = crowd.parts[together.work.member[k]]
     kind = crowd.kinds.record[part.kind]
     turning = turning_of(part, kind)
-    return Moment(t, until, together.number[k], turning, unsure_of(part, kind, plate.bounds, turning))
+    return Moment(t, until, together.number[k], turning, remainder_bounds(part, kind, plate.bounds, turning))
 
 
 @uncounted
@@ -194,7 +194,7 @@ def _apply_forces(n, c, load, time, plate, crowd, together):
     contacts, bodies, exact = work.contacts, work.bodies, plate.bounds.exact
     for k in range(n):
         part, together.borne[k] = parts[work.member[k]], False
-        part.phase, part.lead, part.held = PRESSED, 0.5 * time, 0
+        part.phase, part.lead, part.supported = PRESSED, 0.5 * time, 0
         for x in range(3):
             part.force[x] = part.moment[x] = part.jerk[x] = part.twist[x] = 0.0
     slips = exact.slip if plate.bounds.speed > 0.0 else exact.slip_at_rest
@@ -242,7 +242,7 @@ def _ride(n, t, time, until, crowd, plate, together):
             return 0.0
     for k in range(n):
         part = parts[work.member[k]]
-        sit_down(part, kinds.record[part.kind], t, plate.surface)
+        start_riding(part, kinds.record[part.kind], t, plate.surface)
     return ends
 
 
@@ -257,8 +257,8 @@ def _let_go(n, t, until, crowd, plate, together):
             view.point[i].carried = 0
         shortest = shortest_leap(part, plate.bounds, now.turning)
         limit = min(until - t, SOON)
-        part.due = t + max(first_contact(together.number[k], limit, plate, t, now.unsure, view), shortest)
-        part.held = 0
+        part.due = t + max(first_contact(together.number[k], limit, plate, t, now.remainder, view), shortest)
+        part.supported = 0
 
 
 @uncounted

@@ -6,20 +6,33 @@ plate has windows of its own, longer than those in which pairs are found, so tha
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.crowd import reach_of
+from feeder_sim.engines.impulse.crowd import (
+    Span,
+    WindowResult,
+    find_neighbours,
+    has_left,
+    longest_distance,
+    own_islands,
+    own_pairs,
+    reach_of,
+)
 from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_part.loop import FreePart
-from feeder_sim.engines.impulse.free_part.ride import bring
+from feeder_sim.engines.impulse.free_part.ride import move_to
 from feeder_sim.engines.impulse.free_part.step import step
-from feeder_sim.engines.impulse.island import Agenda, all_due, earliest_of, has_left, set_due
-from feeder_sim.engines.impulse.joint.component import SLOW, look_together
+from feeder_sim.engines.impulse.island import EventQueue, all_due, earliest_of, set_due
+from feeder_sim.engines.impulse.joint.component import SLOW, check_component
 from feeder_sim.engines.impulse.joint.pair_bound import pair_bound, release
 from feeder_sim.engines.impulse.pairs.collision import meet, slowest_parting
+from feeder_sim.engines.impulse.pairs.neighbours import Islands
 from feeder_sim.engines.impulse.rest import wake
-from feeder_sim.engines.impulse.state import ALONE, ASLEEP, AWAKE, FREE, orthonormalise_parts
+from feeder_sim.engines.impulse.state import ALONE, ASLEEP, AWAKE, FREE, Kinds, orthonormalise_parts
 from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import borrow, compiled, entry_point, inlined, uncounted
@@ -30,6 +43,17 @@ REPEATS = 3  # looks more at the time of a hit, at what has been hit by others m
 AS_IT_FLEW = 1e-9  # [m/s]; a speed that has changed by no more has not
 
 
+class Crowd(NamedTuple):
+    """As `crowd.Crowd`; loads (parts, points, 6): what the points of each part bore last, force [N], moment [N m]."""
+
+    parts: NDArray[np.void]
+    initial: NDArray[np.void]
+    pairs: NDArray[np.void]
+    kinds: Kinds
+    islands: Islands
+    loads: NDArray[np.float64]
+
+
 @entry_point
 def open_plate(drive, start, end):
     """Terms that act, and bounds, of a window of the plate."""
@@ -38,29 +62,31 @@ def open_plate(drive, start, end):
 
 
 @entry_point
-def open_parts(parts, n, kinds, bounds, start, duration, anew):
-    """Wake parts that a plate moves; returns how far any part comes within a window [m].
+def advance_together(window, plate_opens, parts, loads, kinds, plate, tools, frames):
+    """As `advance_islands`; loads: as of `Crowd`. The plate has windows of its own; with this one one may open."""
+    initial, n = window.initial.copy(), window.initial.shape[0]
+    _open_parts(initial, window.start, plate_opens, plate.bounds)
+    reach = reach_of(initial, n, kinds, plate.bounds, window)
+    pairs, islands = find_neighbours(initial, n, kinds, plate.surface, reach, window.pairs)
+    crowd = Crowd(parts, borrow(initial), borrow(pairs), kinds, borrow(islands), loads)
+    own, span, left = own_islands(window, crowd), Span(window.start, window.until, reach), False
+    for island in range(own.shape[0]):
+        if own[island]:
+            left |= _advance_island(island, crowd, plate, tools, span, frames)
+    distance = longest_distance(own, crowd) if left else 0.0
+    alive = initial.shape[0] >= 0  # what was borrowed lives until here
+    return WindowResult(pairs, own_pairs(own, islands), reach, distance if alive else 0.0)
 
-    anew: the window of the plate begins, and every part is looked at.
-    """
-    for i in range(n):
-        if anew:
+
+@compiled
+def _open_parts(parts, start, plate_opens, bounds):
+    """Wake parts that a plate moves; all are due where a window of the plate opens."""
+    for i in range(parts.shape[0]):
+        if plate_opens:
             parts[i].due = start
         if parts[i].there == ASLEEP and not bounds.calm:
             parts[i].there, parts[i].clock, parts[i].due = AWAKE, start, start
-    orthonormalise_parts(parts, n)
-    return reach_of(parts, n, kinds, bounds, duration)
-
-
-@entry_point
-def advance_together(share, crowd, plate, tools, span, frames):
-    """As `advance_islands`."""
-    owner = share.owner
-    left = False
-    for island in range(owner.shape[0]):
-        if owner[island] == share.thread:
-            left |= _advance_island(island, crowd, plate, tools, span, frames)
-    return left
+    orthonormalise_parts(parts, parts.shape[0])
 
 
 @compiled
@@ -70,7 +96,7 @@ def _advance_island(island, crowd, plate, tools, span, frames):
     first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
     n = last - first
     tree = all_due(n + last_pair - first_pair, span.start)
-    agenda = Agenda(borrow(tree), first, n, first_pair)
+    queue = EventQueue(borrow(tree), first, n, first_pair)
     for k in range(n):
         part = parts[islands.part[first + k]]
         set_due(tree, k, np.inf if part.there == ASLEEP else max(part.due, span.start))
@@ -83,28 +109,28 @@ def _advance_island(island, crowd, plate, tools, span, frames):
         while tree[1] < stop and frames.interrupt[ENDED] == 0:
             t, event = tree[1], earliest_of(tree)
             if event < n:
-                left |= _look_at_part(event, t, agenda, crowd, plate, tools, span.reach)
+                left |= _check_part(event, t, queue, crowd, plate, tools, span.reach)
             else:
-                left |= _look_at_pair(event, t, agenda, crowd, plate, tools, span.reach)
+                left |= _check_pair(event, t, queue, crowd, plate, tools, span.reach)
         for k in range(first, last):
             i = islands.part[k]
             kind = kinds.record[parts[i].kind]
             if frame < frames.time.shape[0]:
                 tools.seen[0] = parts[i]  # which itself is left as it is
-                bring(tools.seen[0], kind, stop, plate.surface)
+                move_to(tools.seen[0], kind, stop, plate.surface)
                 write_state(tools.seen[0], kind, frames.row[frame, i])
                 continue
-            bring(parts[i], kind, stop, plate.surface)
+            move_to(parts[i], kind, stop, plate.surface)
             left |= has_left(i, crowd, span.reach)
     return left and tree.shape[0] > 0  # what was borrowed lives until here
 
 
 @inlined
-def _look_at_part(event, t, agenda, crowd, plate, tools, reach):
+def _check_part(event, t, queue, crowd, plate, tools, reach):
     """Look at a part, with its component if it presses others; returns whether one has come farther than its reach."""
-    i = crowd.islands.part[agenda.first_part + event]
+    i = crowd.islands.part[queue.first_part + event]
     if _presses(i, crowd):
-        return _look_at_component(i, t, agenda, crowd, plate, tools, reach)
+        return _check_component(i, t, queue, crowd, plate, tools, reach)
     part = crowd.parts[i]
     free = FreePart(crowd.parts[i : i + 1], crowd.loads[i], crowd.kinds, tools.work, plate.wall, tools.notes)
     tools.work.member[0] = 0  # which pairs have written
@@ -123,7 +149,7 @@ def _look_at_part(event, t, agenda, crowd, plate, tools, reach):
     if part.there == ASLEEP:
         part.asleep_with, due = ALONE, np.inf
     part.due = due
-    set_due(agenda.tree, event, due)
+    set_due(queue.tree, event, due)
     changed, v, momentum = (
         phase != FREE or part.phase != FREE or looks > 1 or part.there == ASLEEP,
         part.velocity,
@@ -131,7 +157,7 @@ def _look_at_part(event, t, agenda, crowd, plate, tools, reach):
     )
     changed = changed or abs(v[0] - before[0]) + abs(v[1] - before[1]) + abs(v[2] - before[2]) > AS_IT_FLEW
     if changed or momentum[0] != before[3] or momentum[1] != before[4] or momentum[2] != before[5]:
-        _look_again(i, -1, t, agenda, crowd, plate)
+        _recheck(i, -1, t, queue, crowd, plate)
     return has_left(i, crowd, reach)
 
 
@@ -145,9 +171,9 @@ def _presses(i, crowd):
 
 
 @uncounted
-def _look_at_component(i, t, agenda, crowd, plate, tools, reach):
+def _check_component(i, t, queue, crowd, plate, tools, reach):
     """Look at the component of a part; returns whether a member has come farther than its reach."""
-    n, m, until, pressed = look_together(i, t, crowd, plate, tools)
+    n, m, until, pressed = check_component(i, t, crowd, plate, tools)
     together, left = tools.together, False
     for k in range(n):
         j = together.work.member[k]
@@ -156,7 +182,7 @@ def _look_at_component(i, t, agenda, crowd, plate, tools, reach):
             part.due = until
         if part.there == ASLEEP:
             part.due = np.inf
-        set_due(agenda.tree, crowd.islands.place[j] - agenda.first_part, part.due)
+        set_due(queue.tree, crowd.islands.place[j] - queue.first_part, part.due)
         left |= has_left(j, crowd, reach)
     for x in range(m):
         place = together.pair[x]
@@ -165,17 +191,17 @@ def _look_at_component(i, t, agenda, crowd, plate, tools, reach):
             pair.pressing = 0
         if pair.pressing == 0:
             due, _ = pair_bound(pair, crowd.parts, crowd.kinds, t, plate)
-            set_due(agenda.tree, agenda.n_parts + place - agenda.first_pair, due)
+            set_due(queue.tree, queue.n_parts + place - queue.first_pair, due)
     for k in range(n):
-        _look_again(together.work.member[k], -1, t, agenda, crowd, plate)
+        _recheck(together.work.member[k], -1, t, queue, crowd, plate)
     return left
 
 
 @inlined
-def _look_at_pair(event, t, agenda, crowd, plate, tools, reach):
+def _check_pair(event, t, queue, crowd, plate, tools, reach):
     """A pair of parts; returns whether one of them has come farther than its reach."""
     parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
-    p = islands.pair[agenda.first_pair + event - agenda.n_parts]
+    p = islands.pair[queue.first_pair + event - queue.n_parts]
     pair, left = crowd.pairs[p], False
     due, near = pair_bound(pair, parts, kinds, t, plate)
     if near:
@@ -189,7 +215,7 @@ def _look_at_pair(event, t, agenda, crowd, plate, tools, reach):
             pair.repeats, pair.struck = pair.repeats + 1 if t == pair.struck else 0, t
         if hit or pressing:
             for i in (pair.a, pair.b):
-                _wake_with(i, p, t, agenda, crowd, plate)
+                _wake_with(i, p, t, queue, crowd, plate)
                 release(parts[i])
         due, near = pair_bound(pair, parts, kinds, t, plate)
         if pressing:
@@ -198,34 +224,34 @@ def _look_at_pair(event, t, agenda, crowd, plate, tools, reach):
             for i in (pair.a, pair.b):
                 left |= has_left(i, crowd, reach)
                 parts[i].due = t
-                set_due(agenda.tree, islands.place[i] - agenda.first_part, t)
-                _look_again(i, p, t, agenda, crowd, plate)
-    set_due(agenda.tree, event, due)
+                set_due(queue.tree, islands.place[i] - queue.first_part, t)
+                _recheck(i, p, t, queue, crowd, plate)
+    set_due(queue.tree, event, due)
     return left
 
 
 @uncounted
-def _wake_with(i, except_pair, t, agenda, crowd, plate):
+def _wake_with(i, except_pair, t, queue, crowd, plate):
     """Wake a part at time t, and all that sleep with it."""
     parts, number = crowd.parts, crowd.parts[i].asleep_with
     if parts[i].there != ASLEEP:
         return
     parts[i].clock = parts[i].due = t
     wake(parts[i])
-    set_due(agenda.tree, crowd.islands.place[i] - agenda.first_part, t)
+    set_due(queue.tree, crowd.islands.place[i] - queue.first_part, t)
     if number == ALONE:
         return
-    for k in range(agenda.n_parts):
-        j = crowd.islands.part[agenda.first_part + k]
+    for k in range(queue.n_parts):
+        j = crowd.islands.part[queue.first_part + k]
         if parts[j].there == ASLEEP and parts[j].asleep_with == number:
             parts[j].clock = parts[j].due = t
             wake(parts[j])
-            set_due(agenda.tree, k, t)
-            _look_again(j, except_pair, t, agenda, crowd, plate)
+            set_due(queue.tree, k, t)
+            _recheck(j, except_pair, t, queue, crowd, plate)
 
 
 @uncounted
-def _look_again(i, except_pair, t, agenda, crowd, plate):
+def _recheck(i, except_pair, t, queue, crowd, plate):
     """Make the pairs of a part due anew after its velocity has changed at time t."""
     islands = crowd.islands
     for k in range(islands.first_touching[i], islands.first_touching[i + 1]):
@@ -234,9 +260,9 @@ def _look_again(i, except_pair, t, agenda, crowd, plate):
         if p == except_pair or crowd.pairs[p].pressing != 0:
             continue
         due, near = pair_bound(crowd.pairs[p], crowd.parts, crowd.kinds, t, plate)
-        event = agenda.n_parts + place - agenda.first_pair
+        event = queue.n_parts + place - queue.first_pair
         if near:
-            due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])
+            due = min(due, queue.tree[queue.tree.shape[0] // 2 + event])
             struck, repeats = crowd.pairs[p].struck, crowd.pairs[p].repeats
             due = t if t < struck + SOON and (t > struck or repeats < REPEATS) else due
-        set_due(agenda.tree, event, due)
+        set_due(queue.tree, event, due)

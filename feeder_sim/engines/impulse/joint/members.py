@@ -14,7 +14,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     TARGET,
     VELOCITY,
 )
-from feeder_sim.engines.impulse.pairs.collision import look_at_pair
+from feeder_sim.engines.impulse.pairs.collision import check_pair
 from feeder_sim.engines.impulse.pairs.due import SLACK
 from feeder_sim.engines.impulse.scratch import UNRESOLVED
 from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus, vector, write_to
@@ -50,14 +50,14 @@ def members_of(i, crowd, together):
 
 
 @uncounted
-def look_at_pairs(m, crowd, tools):
+def evaluate_pairs(m, crowd, tools):
     """Find the points at which pairs touch; a pair that is apart presses no more."""
     together, parts, kinds, points = tools.together, crowd.parts, crowd.kinds, 0
     for x in range(m):
         together.first_point[x] = points
         pair = crowd.pairs[crowd.islands.pair[together.pair[x]]]
         a, b = parts[pair.a], parts[pair.b]
-        gap, count, origin = look_at_pair(pair, a, kinds.record[a.kind], b, kinds.record[b.kind], kinds, tools)
+        gap, count, origin = check_pair(pair, a, kinds.record[a.kind], b, kinds.record[b.kind], kinds, tools)
         together.gap[x], together.origin[x] = gap, origin
         for end in range(2):
             write_to(together.along[x, end], vector(tools.meeting.along[end]))

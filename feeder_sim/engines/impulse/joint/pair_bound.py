@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.free_part.ride import bring
+from feeder_sim.engines.impulse.free_part.ride import move_to
 from feeder_sim.engines.impulse.pairs.due import SLACK, bound_of_hulls, bound_of_spheres
 from feeder_sim.engines.impulse.state import FOLLOWING, FREE, PRESSED, flies
 from feeder_sim.engines.impulse.vectors import dot
@@ -25,8 +25,8 @@ def pair_bound(pair, parts, kinds, t, plate):
     due = bound_of_spheres(pair, parts, kinds, t, plate.bounds, forced)
     if due > t:
         return due, False
-    bring(a, kinds.record[a.kind], t, plate.surface)
-    bring(b, kinds.record[b.kind], t, plate.surface)
+    move_to(a, kinds.record[a.kind], t, plate.surface)
+    move_to(b, kinds.record[b.kind], t, plate.surface)
     return bound_of_hulls(pair, parts, kinds, t, plate.bounds, forced)
 
 
@@ -48,6 +48,6 @@ def release(part):
     """Forces on a part end; that it has been pressed is still known."""
     if part.phase == FREE:
         return
-    part.phase, part.lead, part.held = PRESSED, 0.0, 0
+    part.phase, part.lead, part.supported = PRESSED, 0.0, 0
     for k in range(3):
         part.force[k] = part.moment[k] = part.jerk[k] = part.twist[k] = 0.0

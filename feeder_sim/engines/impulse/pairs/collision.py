@@ -58,7 +58,7 @@ def meet(pair, parts, kinds, slow, tools):
     """
     a, b = parts[pair.a], parts[pair.b]
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
-    gap, n, _ = look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
+    gap, n, _ = check_pair(pair, a, kind_a, b, kind_b, kinds, tools)
     if n == 0:
         return False, n
     hit = _collide(pair, parts, kinds, n, slow, tools)
@@ -82,7 +82,7 @@ def slowest_parting(pair, parts, kinds, n, tools):
 
 
 @inlined
-def look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools):
+def check_pair(pair, a, kind_a, b, kind_b, kinds, tools):
     """Gap of a pair [m], the number of points at which it touches, and the origin of its axis; all are written."""
     piece_a, piece_b = kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
     room, axis = tools.meeting, pair.axis

@@ -72,20 +72,21 @@ def find_pairs(parts, kinds, n_free, room, old):
                     return np.empty(0, PAIR)
             largest = max(largest, kinds.record[parts[i].kind].reach + kinds.record[parts[i].kind].radius)
     grid = _sort_into_cells(parts, n, 2.0 * (largest + room.reach))
-    found = np.empty((0, 4), np.int64)
+    candidates = np.empty((0, 4), np.int64)
     for counting in range(2):  # count, then fill
         m = 0
         for i in range(n):
             if not parts[i].there:
                 continue
-            m = _pairs_of(parts, kinds, i, n_free, room, grid, m, found)
+            m = _pairs_of(parts, kinds, i, n_free, room, grid, m, candidates)
         if counting == 0:
-            found = np.empty((m, 4), np.int64)
+            candidates = np.empty((m, 4), np.int64)
     pairs = np.empty(m, PAIR)
     o = 0
     for p in range(m):
         pair = pairs[p]
-        pair.a, pair.b, pair.piece_a, pair.piece_b = found[p, 0], found[p, 1], found[p, 2], found[p, 3]
+        pair.a, pair.b = candidates[p, 0], candidates[p, 1]
+        pair.piece_a, pair.piece_b = candidates[p, 2], candidates[p, 3]
         while o < old.shape[0] and _order(old[o], pair) < 0:
             o += 1
         if o < old.shape[0] and _order(old[o], pair) == 0:
@@ -138,7 +139,7 @@ def _sort_into_cells(parts, n, cell):
 
 
 @compiled
-def _pairs_of(parts, kinds, a, n_free, room, grid, m, found):
+def _pairs_of(parts, kinds, a, n_free, room, grid, m, candidates):
     """Append the pairs of part a with later ones, in order; returns their number, also while `found` is too small."""
     begin = m
     rows = grid.rows
@@ -148,26 +149,26 @@ def _pairs_of(parts, kinds, a, n_free, room, grid, m, found):
             for place in range(grid.first[c * rows + r], grid.first[c * rows + r + 1]):
                 b = grid.order[place]
                 if b > a and _near(parts, kinds, a, b, room.reach):
-                    m = _insert_pieces(parts, kinds, a, b, room.reach, begin, m, found)
+                    m = _insert_pieces(parts, kinds, a, b, room.reach, begin, m, candidates)
     reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + room.reach
     for wall in range(n_free, parts.shape[0]):
         side = wall - n_free  # walls at +y, -y, +x, -x
         distance = room.half_y if side < 2 else room.half_x
         along = parts[a].position[1] if side < 2 else parts[a].position[0]
         if (along if side % 2 == 0 else -along) + reach > distance:
-            m = _insert(found, begin, m, a, wall, parts[a].kind, parts[wall].kind)
+            m = _insert(candidates, begin, m, a, wall, parts[a].kind, parts[wall].kind)
     return m
 
 
 @compiled
-def _insert_pieces(parts, kinds, a, b, range_of_each, begin, m, found):
+def _insert_pieces(parts, kinds, a, b, range_of_each, begin, m, candidates):
     """Append the pairs of pieces of two parts that can meet, in order; returns the number of all pairs."""
     kind_a, kind_b = kinds.record[parts[a].kind], kinds.record[parts[b].kind]
     concave = in_pieces(kind_a) or in_pieces(kind_b)
     for piece_a in range(kind_a.piece_from, kind_a.piece_to):
         for piece_b in range(kind_b.piece_from, kind_b.piece_to):
             if not concave or _pieces_near(parts, kinds, (a, b), (piece_a, piece_b), range_of_each):
-                m = _insert(found, begin, m, a, b, piece_a, piece_b)
+                m = _insert(candidates, begin, m, a, b, piece_a, piece_b)
     return m
 
 
@@ -196,15 +197,15 @@ def _near(parts, kinds, a, b, range_of_each):
 
 
 @compiled
-def _insert(found, begin, m, a, b, piece_a, piece_b):
-    if m >= found.shape[0]:
+def _insert(candidates, begin, m, a, b, piece_a, piece_b):
+    if m >= candidates.shape[0]:
         return m + 1
     k = m
-    while k > begin and found[k - 1, 1] > b:
+    while k > begin and candidates[k - 1, 1] > b:
         for column in range(4):
-            found[k, column] = found[k - 1, column]
+            candidates[k, column] = candidates[k - 1, column]
         k -= 1
-    found[k, 0], found[k, 1], found[k, 2], found[k, 3] = a, b, piece_a, piece_b
+    candidates[k, 0], candidates[k, 1], candidates[k, 2], candidates[k, 3] = a, b, piece_a, piece_b
     return m + 1
 
 

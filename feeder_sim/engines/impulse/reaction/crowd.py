@@ -18,22 +18,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.crowd import reach_of
+from feeder_sim.engines.impulse.components import lay_to_rest
+from feeder_sim.engines.impulse.crowd import (
+    Crowd,
+    Span,
+    WindowResult,
+    find_neighbours,
+    has_left,
+    longest_distance,
+    open_parts,
+    own_islands,
+    own_pairs,
+    reach_of,
+)
 from feeder_sim.engines.impulse.flight_time import shortest_flight
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.island import (
-    Agenda,
+    EventQueue,
     all_due,
+    check_pair,
     earliest_of,
-    has_left,
-    look_again_at_pairs,
-    look_at_pair,
+    recheck_pairs,
     set_due,
 )
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, fly_to, orthonormalise_parts
-from feeder_sim.engines.impulse.surroundings import Bounds
+from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, fly_to
+from feeder_sim.engines.impulse.surroundings import Bounds, Plate
 from feeder_sim.engines.impulse.window import SAG, Drive, acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import borrow, compiled, entry_point
@@ -43,23 +54,14 @@ LEAST_MARGIN = 2e-8  # [m]
 
 
 class Limits(NamedTuple):
-    """What bounds are made from; margin: of every shape, room for (n_shapes,) [m]."""
+    """What bounds are made from, and room for what comes of it.
+
+    margin: of every shape (n_shapes,) [m]; reaction: at the end of a window, as of `reaction_of`.
+    """
 
     drive: Drive
     margin: NDArray[np.float64]
-
-
-@entry_point
-def open_yielding_window(parts, n_free, kinds, span, limits):
-    """As `open_window`; the last terms of the surface are the reaction, and stay."""
-    start, end = span
-    acting = acting_terms(limits.drive.surface, start, end, limits.margin.shape[0])
-    bounds = _bounds(acting, start, end, limits)
-    if not bounds.calm:
-        for i in range(n_free):
-            wake(parts[i])
-    orthonormalise_parts(parts, n_free)
-    return acting, bounds, reach_of(parts, n_free, kinds, bounds, end - start)
+    reaction: NDArray[np.float64]
 
 
 @compiled
@@ -95,16 +97,42 @@ def _bounds(acting, start, end, limits):
 @compiled
 def _has_changed(changed, margin):
     """Whether the reaction has changed by more than the margin of a shape."""
-    found = False
+    has_changed = False
     for s in range(margin.shape[0]):
-        found = found or changed[s].real ** 2 + changed[s].imag ** 2 > margin[s] ** 2
-    return found
+        has_changed = has_changed or changed[s].real ** 2 + changed[s].imag ** 2 > margin[s] ** 2
+    return has_changed
 
 
 @entry_point
-def advance_reacting(crowd, plate, tools, span, frames, limits):
-    """Advance all parts to the end of a window, and write their frames; as `advance_islands`."""
-    return _advance(crowd, plate.surface, plate.bounds, tools, span, frames, limits)
+def advance_reacting(window, parts, n_free, kinds, limits, tools, frames):
+    """Advance all parts through a window; as `advance_islands`, but that all are one island.
+
+    The last terms of the surface are the reaction.
+    """
+    initial, n_shapes = window.initial.copy(), limits.margin.shape[0]
+    acting = acting_terms(limits.drive.surface, window.start, window.end, n_shapes)
+    bounds = _bounds(acting, window.start, window.end, limits)
+    open_parts(initial, n_free, bounds)
+    reach = reach_of(initial, n_free, kinds, bounds, window)
+    pairs, islands = find_neighbours(initial, n_free, kinds, acting, reach, window.pairs)
+    crowd = Crowd(parts, borrow(initial), borrow(pairs), kinds, borrow(islands))
+    own, calm, acceleration = own_islands(window, crowd), bounds.calm, bounds.acceleration.copy()
+    span, surface = Span(window.start, window.until, reach), borrow(acting)
+    left = _advance(crowd, surface, borrow(bounds), tools, span, frames, limits)
+    if not left and calm and window.until == window.end and frames.interrupt[ENDED] == 0:
+        for s in range(n_shapes):
+            bounds.acceleration[s] = acceleration[s]  # as the window opened
+        lay_to_rest(own, crowd, Plate(surface, borrow(bounds), None), tools, span.end)
+    distance, first = longest_distance(own, crowd) if left else 0.0, acting.rate.shape[0] - n_shapes
+    for s in range(n_shapes):
+        z = acting.coefficient[first + s]
+        limits.reaction[s, 0], limits.reaction[s, 1], limits.reaction[s, 2] = (
+            z.real,
+            z.imag,
+            acting.term_start[first + s],
+        )
+    alive = initial.shape[0] + bounds.amplitude.shape[0] >= 0  # what was borrowed lives until here
+    return WindowResult(pairs, own_pairs(own, islands), reach, distance if alive else 0.0)
 
 
 @compiled
@@ -112,7 +140,7 @@ def _advance(crowd, surface, bounds, tools, span, frames, limits):
     islands, parts, kinds = crowd.islands, crowd.parts, crowd.kinds
     n = islands.part.shape[0]
     tree = all_due(n + islands.pair.shape[0], span.start)
-    agenda = Agenda(borrow(tree), 0, n, 0)
+    queue = EventQueue(borrow(tree), 0, n, 0)
     changed = tools.work.yielding.changed
     changed[:] = 0.0
     for k in range(n):
@@ -124,7 +152,7 @@ def _advance(crowd, surface, bounds, tools, span, frames, limits):
         while tree[1] < stop and frames.interrupt[ENDED] == 0:
             t, event = tree[1], earliest_of(tree)
             if event >= n:
-                left |= look_at_pair(event, t, agenda, crowd, bounds, tools, span.reach)
+                left |= check_pair(event, t, queue, crowd, bounds, tools, span.reach)
                 continue
             i = islands.part[event]
             part = parts[i]
@@ -136,10 +164,10 @@ def _advance(crowd, surface, bounds, tools, span, frames, limits):
                 continue
             if _has_changed(changed, limits.margin):
                 bounds = _renewed(surface, bounds, t, changed, limits)
-                _look_again(t, agenda, crowd, bounds)
+                _recheck(t, queue, crowd, bounds)
             if bounds.calm and fall_asleep(part, kinds, surface, tools.work):
                 set_due(tree, event, np.inf)
-            look_again_at_pairs(i, -1, t, agenda, crowd, bounds)
+            recheck_pairs(i, -1, t, queue, crowd, bounds)
         for k in range(n):
             i = islands.part[k]
             if frame < frames.time.shape[0]:
@@ -162,17 +190,17 @@ def _renewed(surface, bounds, t, changed, limits):
 
 
 @compiled
-def _look_again(t, agenda, crowd, bounds):
+def _recheck(t, queue, crowd, bounds):
     """Make every part due, as its forecast was made over another surface; but none sooner than a step after a look."""
-    for k in range(agenda.n_parts):
+    for k in range(queue.n_parts):
         i = crowd.islands.part[k]
         part = crowd.parts[i]
         kind = crowd.kinds.record[part.kind]
         if part.there == ASLEEP and not bounds.calm:
             fly_to(part, kind, t)  # it has lain there until now
             wake(part)
-            look_again_at_pairs(i, -1, t, agenda, crowd, bounds)
+            recheck_pairs(i, -1, t, queue, crowd, bounds)
         if part.there != ASLEEP and part.there != ABSENT:
             due = max(t, part.clock + shortest_flight(part, kind, bounds))
-            if due < agenda.tree[agenda.tree.shape[0] // 2 + k]:
-                set_due(agenda.tree, k, due)
+            if due < queue.tree[queue.tree.shape[0] // 2 + k]:
+                set_due(queue.tree, k, due)

@@ -9,14 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.components import lying, rest_alone
+from feeder_sim.engines.impulse.crowd import Window, WindowResult
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import FrameRows
-from feeder_sim.engines.impulse.island import Crowd, Span
-from feeder_sim.engines.impulse.reaction.crowd import Limits, advance_reacting, open_yielding_window
-from feeder_sim.engines.impulse.surroundings import Bounds, Plate
+from feeder_sim.engines.impulse.reaction.crowd import Limits, advance_reacting
 from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
-from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
+from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.machine_code import lasting
 from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.scene import Scene
@@ -51,34 +49,26 @@ class ReactingEngine(ImpulseEngine):
         self._surface = lasting(with_reaction(self._surface, self._rate))
         self._limits = self._limits_of(scene)
         self._reaction = self._reaction_opened = reaction_of(self._surface)
-        self._books_opened = self._work[0].yielding.books.copy()
+        self._account_opened = self._work[0].yielding.energy_account.copy()
 
     def _limits_of(self, scene: Scene) -> Limits:
-        return Limits(self._drive(self._window), np.zeros(scene.surface.n_shapes))
+        n = scene.surface.n_shapes
+        return lasting(Limits(self._drive(self._window), np.zeros(n), np.zeros((n, 3))))
 
-    def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
+    def _place_at_begin(self) -> None:
+        super()._place_at_begin()
         set_reaction(self._surface, self._reaction_opened)
-        return open_yielding_window(parts, self._n, self._kinds, tuple(self._span), self._limits)
+        self._work[0].yielding.energy_account[:] = self._account_opened
 
-    def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
-        """Advance all parts from the begin of the window; it may have been computed before."""
-        set_reaction(plate.surface, self._reaction_opened)
-        self._work[0].yielding.books[:] = self._books_opened
-        bounds = plate.bounds._replace(acceleration=plate.bounds.acceleration.copy())  # which are made anew
-        margins = self._limits._replace(margin=self._limits.margin.copy())
-        opened = Plate(plate.surface, bounds, None)
-        left = advance_reacting(crowd, opened, self._tools[0], span, frames, margins)
-        self._reaction = reaction_of(plate.surface)
-        return bool(left)
-
-    def _lay_to_rest(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> None:
-        found = lying(crowd, self._tools[0])
-        if found is not None:
-            rest_alone(found, crowd, plate, self._tools[0], span.end)
+    def _advance_share(self, window: Window, frames: FrameRows) -> WindowResult:
+        """Advance all parts."""
+        result = advance_reacting(window, self._parts, self._n, self._kinds, self._limits, self._tools[0], frames)
+        self._reaction = self._limits.reaction.copy()
+        return result
 
     def _keep_begin_of_window(self) -> None:
         super()._keep_begin_of_window()
-        self._reaction_opened, self._books_opened = self._reaction, self._work[0].yielding.books.copy()
+        self._reaction_opened, self._account_opened = self._reaction, self._work[0].yielding.energy_account.copy()
 
     def redrive(self, scene: Scene) -> None:
         super().redrive(scene)

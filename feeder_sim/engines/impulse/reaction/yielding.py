@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, IMPULSE, VELOCITY
-from feeder_sim.engines.impulse.scratch import LIFTED, TAKEN, WORK
+from feeder_sim.engines.impulse.scratch import BY_CORRECTION, BY_IMPACTS, FROM_MODES
 from feeder_sim.engines.impulse.surface import HEIGHT, SPEED, TURN_X, TURN_Y
 from feeder_sim.engines.impulse.vectors import combine, cross, dot, plus, vector
 from feeder_sim.engines.reaction import react
@@ -13,7 +13,7 @@ from feeder_sim.machine_code import inlined, uncounted
 @inlined
 def is_compliant(work):
     """Whether the plate takes the impulses of parts."""
-    return work.contacts.modes.taken.shape[0] > 0
+    return work.contacts.modes.velocity_loss.shape[0] > 0
 
 
 @inlined
@@ -31,17 +31,18 @@ def give_to_plate(n, n_corners, before, lifted, surface, t, work):
 
     before: velocity and spin of the part before them; lifted: energy by being put back on the surface [J].
     """
-    books, modes, taken = work.yielding.books, work.contacts.modes, work.contacts.modes.taken
-    for s in range(taken.shape[0]):
-        books[TAKEN] += (work.now[SPEED, s] - 0.5 * taken[s]) * taken[s] / modes.inverse_mass[s]
-    books[WORK] += _work(n, before, work)
-    books[LIFTED] += lifted
-    react(surface, t, taken, work.yielding.changed)
+    energy, modes = work.yielding.energy_account, work.contacts.modes
+    loss = modes.velocity_loss
+    for s in range(loss.shape[0]):
+        energy[FROM_MODES] += (work.now[SPEED, s] - 0.5 * loss[s]) * loss[s] / modes.inverse_mass[s]
+    energy[BY_IMPACTS] += _work(n, before, work)
+    energy[BY_CORRECTION] += lifted
+    react(surface, t, loss, work.yielding.changed)
     for i in range(n_corners):
         point = work.point[i]
         if point.most_push != 0.0:  # else it is above the crest, and nothing is known under it
-            for s in range(taken.shape[0]):
-                point.surface_velocity[2] -= work.under[i, s, HEIGHT] * taken[s]
+            for s in range(loss.shape[0]):
+                point.surface_velocity[2] -= work.under[i, s, HEIGHT] * loss[s]
 
 
 @inlined
@@ -56,7 +57,7 @@ def _work(n, before, work):
         first = plus(before[0], 1.0, cross(before[1], arm))
         last = plus(body.velocity[0], 1.0, cross(body.spin[0], arm))
         mean = plus(combine(0.5, first, 0.5, last, 0.0, last), -1.0, work.contacts.vector[VELOCITY, i])
-        for s in range(modes.taken.shape[0]):
-            mean = plus(mean, 0.5 * modes.taken[s], modes.carried[i, s])
+        for s in range(modes.velocity_loss.shape[0]):
+            mean = plus(mean, 0.5 * modes.velocity_loss[s], modes.carried[i, s])
         total += dot(push, mean)
     return total
