@@ -51,7 +51,7 @@ def test_workers_that_end_again_and_again_end_the_sweep(monkeypatch: pytest.Monk
     cases = plan_of(over(f"{AMPLITUDE}=1:2:3", seeds=5)).cases
     workers = Workers(Pretended(break_at=(0,)), 2, lambda: Pretended(break_at=(0,)))
     with pytest.raises(FeederSimError, match="again and again"):
-        Runner(workers).run(SweepTasks(cases, lambda case, seed: None))
+        Runner(workers).run(SweepTasks(cases, lambda case, point, seed: None))
 
 
 def test_a_task_says_why_it_cannot_be_run_and_what_misleads() -> None:
