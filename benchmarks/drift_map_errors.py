@@ -149,7 +149,7 @@ def _passages(drift_map: DriftMap, prepared: Prepared, walkers: int, seed: int) 
         looking += time.process_time() - start
         return bool((np.isnan(points[:, 0]) | (ways[-1] < PASSAGE_TO)).all())
 
-    walk(drift_map, prepared, places, np.random.default_rng(seed), look=look)
+    walk(drift_map, prepared, places, np.random.default_rng(seed), observer=look)
     cpu = time.process_time() - began - looking
     way, at = np.array(ways), np.array(times)
     took = [first_passage(at, w, PASSAGE_TO) - first_passage(at, w, PASSAGE_FROM) for w in way.T]
@@ -251,7 +251,7 @@ def _shares_near(
         near.append(_near(lines, points))
         return False
 
-    walked = walk(drift_map, prepared, starts, np.random.default_rng(seed), look=look)
+    walked = walk(drift_map, prepared, starts, np.random.default_rng(seed), observer=look)
     return np.array(times), np.array(near), walked
 
 
@@ -380,7 +380,7 @@ def ways(drift_map: DriftMap, scenario: Scenario, seeds: int, times: Sequence[fl
         places.append(points.copy())
         return False
 
-    walk(drift_map, prepared, starts, np.random.default_rng(0), look=look)
+    walk(drift_map, prepared, starts, np.random.default_rng(0), observer=look)
     frames = [f for f in simulate(prepared).trajectories if len(f) == prepared.scene.n_frames]
     full = [np.linalg.norm(f.position[:, 0, :2] - starts[0], axis=1) for f in frames]
     walked = np.linalg.norm(np.array(places) - starts, axis=2)

@@ -119,7 +119,7 @@ def net_speed(result: Result) -> Statistic:
     assert cell is not None
     for seed in result.seeds:
         frames = seed.frames
-        way = cell.way(frames[np.array([0, len(frames) - 1])])
+        way = cell.distance_to_node(frames[np.array([0, len(frames) - 1])])
         speeds.append(1e3 * cell.reach * float(way[0] - way[1]) / float(frames.time[-1] - frames.time[0]))
     return Statistic.of(speeds)
 

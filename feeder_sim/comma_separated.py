@@ -6,7 +6,7 @@ from pathlib import Path
 
 from feeder_sim.errors import InputError
 
-OTHERS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}  # the likeliest first
+SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}  # the likeliest first
 
 
 def check_commas(text: str, file: str | Path) -> None:
@@ -21,6 +21,6 @@ def check_commas(text: str, file: str | Path) -> None:
     names = next((line for line in lines if line and not line.startswith("#")), "")
     if "," in names:
         return
-    for separator, word in OTHERS.items():
+    for separator, word in SEPARATORS.items():
         if separator in names:
             raise InputError(f"has {word} between its columns, must be commas, and points in numbers", file=file)

@@ -167,7 +167,7 @@ class SimulationDiverged(FeederSimError):
         """What is wrong, in words."""
         return self.detail or self.divergence.value
 
-    def kept_in(self, file: str) -> SimulationDiverged:
+    def saved_in(self, file: str) -> SimulationDiverged:
         """The same, with the last states in a file."""
         return SimulationDiverged(**{**self._arguments, "file": file})
 

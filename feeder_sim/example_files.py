@@ -14,15 +14,15 @@ from feeder_sim.errors import InputError, nearest
 def examples_folder() -> Path | None:
     """The folder that holds `scenarios` and `models`; None where neither a wheel nor a checkout is at hand."""
     package = Path(str(importlib.resources.files("feeder_sim")))
-    found = (folder for folder in (package / "examples", package.parent) if (folder / "scenarios").is_dir())
-    return next(found, None)
+    folders = (folder for folder in (package / "examples", package.parent) if (folder / "scenarios").is_dir())
+    return next(folders, None)
 
 
 def starter_folder() -> Path | None:
     """The folder with the files of the tutorial; None as for `examples_folder`."""
     folder = examples_folder()
-    found = (folder / place for place in ("tutorial", "docs/tutorial")) if folder else ()
-    return next((place for place in found if place.is_dir()), None)
+    folders = (folder / place for place in ("tutorial", "docs/tutorial")) if folder else ()
+    return next((place for place in folders if place.is_dir()), None)
 
 
 def examples() -> dict[str, Path]:

@@ -324,7 +324,9 @@ def _drift_seed(method: Method, setup: Setup, scene: Scene, cell: Cell, longest:
         if rows[-1][2] > THROWN:
             failure = "thrown off"
             break
-        if abs(rows[-1][0]) >= cell.reach * (1.0 - PASSAGE_TO) and (cell.way(_frames(rows[-1:], scene)) <= PASSAGE_TO):
+        if abs(rows[-1][0]) >= cell.reach * (1.0 - PASSAGE_TO) and (
+            cell.distance_to_node(_frames(rows[-1:], scene)) <= PASSAGE_TO
+        ):
             break
     outcome.wall_s += wall
     outcome.simulated_s += (len(rows) - 1) * scene.frame_interval

@@ -214,7 +214,7 @@ def _run(feeder: Feeder, policy: Policy, rule: Pick, enough: int, seconds: float
         looks = number in policy.looks_after
         if looks and not feeder.stages[number].picks:
             feeder.pick_by(rule)
-        clock += feeder.time - begin + robot.look_s * looks + robot.pick_s * (len(feeder.picked) - before)
+        clock += feeder.time - begin + robot.camera_s * looks + robot.pick_s * (len(feeder.picked) - before)
     return clock if len(feeder.picked) >= enough else max(clock, seconds)
 
 

@@ -63,7 +63,12 @@ class OpenedRun(Result):
 
     def __init__(self, recording: Recording) -> None:
         stored = _stored(recording.path.parent / SUMMARY)
-        state = {"recording": recording, "seeds": recording.begun, "wall_s": recording.wall_s, "stored_summary": stored}
+        state = {
+            "recording": recording,
+            "seeds": recording.started_seeds,
+            "wall_s": recording.wall_s,
+            "stored_summary": stored,
+        }
         for name, value in state.items():
             object.__setattr__(self, name, value)  # it is frozen
 

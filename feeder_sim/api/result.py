@@ -58,7 +58,9 @@ class Plots:
             raise InputError("has no transport to draw: one free part in a cell of a mode, no schedule", key="drift")
         pairs = zip(self._frames(None), self._result.seeds, strict=True)
         drawn = [(frames, seed.status == Status.DONE) for frames, seed in pairs if len(frames) > 1]
-        return draw_ways(axes_for(ax), [frames for frames, _ in drawn], cell.way, counted=[ended for _, ended in drawn])
+        return draw_ways(
+            axes_for(ax), [frames for frames, _ in drawn], cell.distance_to_node, counted=[ended for _, ended in drawn]
+        )
 
     def separation(self, *, ax: Axes | None = None) -> Axes:
         """How many parts are on the plate, on nodal lines and isolated at the end of every stage, mean and SE.

@@ -30,7 +30,7 @@ STILL = 0.3  # of the largest amplitude; nodal lines are drawn where what moves 
 HIGHEST_HZ = 8000.0  # modes that are shown where a plate does not say how far
 
 
-def modes_shown(scenario: Scenario) -> ModeFile:
+def displayed_modes(scenario: Scenario) -> ModeFile:
     """The modes of the plate of a scenario.
 
     Raises:
@@ -68,7 +68,7 @@ class Motion:
         plate = scenario.plate
         if isinstance(plate, BendingPlate) and plate.actuator:
             loose = tuple(actuator.model_copy(update={"loads": False}) for actuator in plate.actuator)
-            bare = modes_shown(scenario.model_copy(update={"plate": plate.model_copy(update={"actuator": loose})}))
+            bare = displayed_modes(scenario.model_copy(update={"plate": plate.model_copy(update={"actuator": loose})}))
             bare_forces = modal_force_table(bare.modes, self.mode_file.actuators)
             self.stiffened = float(np.sqrt((self.forces**2).sum() / (bare_forces**2).sum()))
 

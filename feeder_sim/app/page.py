@@ -11,7 +11,7 @@ from feeder_sim.app.draft import Draft
 from feeder_sim.app.fields import Fields, notify
 from feeder_sim.app.guarded import put_in
 from feeder_sim.app.modes_panel import ModesPanel
-from feeder_sim.app.motion import Motion, modes_shown
+from feeder_sim.app.motion import Motion, displayed_modes
 from feeder_sim.app.parts_panel import PartsPanel
 from feeder_sim.app.plate_panel import PlatePanel
 from feeder_sim.app.runs import Runs
@@ -169,4 +169,4 @@ class Page:
 
 
 def _motion(scenario: Scenario) -> Motion:
-    return Motion(modes_shown(scenario))
+    return Motion(displayed_modes(scenario))

@@ -28,11 +28,11 @@ class Run:
     process: Any
     pipe: Any  # our end, whose class goes by the platform
     done: float = 0.0
-    said: str = ""
+    message: str = ""
     ended: str = ""
     lines: list[str] = field(default_factory=list)
 
-    def look(self) -> Run:
+    def poll(self) -> Run:
         """Take in what the process has sent."""
         alive = self.process.is_alive()  # asked first: all that an ended process has sent is there
         with contextlib.suppress(EOFError, OSError):
@@ -41,7 +41,7 @@ class Run:
                 if kind == "progress":
                     self.done = value
                 elif kind == "said":
-                    self.said = value
+                    self.message = value
                 else:
                     self.ended, self.lines = kind, value
         if not self.ended and not alive:
@@ -52,7 +52,7 @@ class Run:
     def words(self) -> str:
         """How it goes, or went, in one line."""
         if not self.ended:
-            return self.said or "starting"
+            return self.message or "starting"
         return f"failed: {self.lines[0]}" if self.ended == "failed" and self.lines else self.ended
 
     def stop(self) -> None:

@@ -66,7 +66,7 @@ class RunsPanel:
     def update(self) -> None:
         """Bring the bars up to date, and the table when a run begins or ends."""
         page_runs = self.page.runs.by_name
-        ended = [name for name, page_run in page_runs.items() if not page_run.ended and page_run.look().ended]
+        ended = [name for name, page_run in page_runs.items() if not page_run.ended and page_run.poll().ended]
         if ended or set(self.bars) != set(page_runs):
             self.table.refresh()
         for name, (bar, label) in self.bars.items():

@@ -45,7 +45,7 @@ def replay(
 ) -> None:
     """Open a recorded run in the rerun viewer, take a picture of it, make a film or a page that plays."""
     from feeder_sim.replay.scenery import SLOW, TIMELINE
-    from feeder_sim.replay.viewer import FORMATS, SIZE, open_viewer, replay_file, take_screenshot, time_shown
+    from feeder_sim.replay.viewer import FORMATS, SIZE, displayed_time, open_viewer, replay_file, take_screenshot
 
     outputs = [key for key, path in (("--screenshot", screenshot), ("--video", video), ("--html", html)) if path]
     if len(outputs) > 1:
@@ -73,7 +73,7 @@ def replay(
         return
     if screenshot is not None:
         _check_new(screenshot, "--screenshot", tuple(FORMATS))
-        moment = time_shown(folder, at, seed=show_seed, slow=slow)
+        moment = displayed_time(folder, at, seed=show_seed, slow=slow)
         take_screenshot(folder, screenshot, at=moment, timeline=timeline, seed=show_seed, colour=meaning)
         facts = {"timeline": timeline, "time_s": moment, "size_pixels": SIZE}
         _tell(as_json, {"screenshot": str(screenshot), "seed": show_seed, **facts})

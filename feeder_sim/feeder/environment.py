@@ -128,7 +128,7 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
         if self._pick is not None:
             picked += len(feeder.pick_by(self._pick))
         robot = feeder.scene.scenario.robot or Robot()
-        seconds = feeder.time - before + robot.look_s + robot.pick_s * picked
+        seconds = feeder.time - before + robot.camera_s + robot.pick_s * picked
         if len(feeder.poses()) < self._refill_below:
             scenario = feeder.scene.scenario
             feeder.refill(scenario.parts_at_once - len(feeder.poses()))

@@ -212,7 +212,7 @@ class Feeder:
         if self._catalogue.prepared.scenario.refill is None:
             raise InputError("is missing, must be a scenario that says where new parts come from", key="refill")
         self._by_hand = True
-        return self._run.bring_in(requested)
+        return self._run.refill(requested)
 
     def record(self, folder: str | Path, *, replay: bool = True) -> Self:
         """Write all that is done from the start on into a run folder, when the feeder is closed; returns the feeder.

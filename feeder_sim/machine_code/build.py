@@ -150,7 +150,7 @@ def built(row: Row) -> tuple[str, dict[str, Any], bytes]:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = folder  # what is made for this processor is of no use later
         jit.code_folder.cache_clear()
-        if jit.TOLD_APART:  # numbers in names of functions, by which their order goes
+        if jit.DISTINCT_NAMES:  # numbers in names of functions, by which their order goes
             FunctionIdentity._unique_ids = itertools.count(1)
         calls: Any = CPUCallConv
         calls.build_excinfo_struct = _without_place

@@ -44,8 +44,8 @@ from feeder_sim.machine_code.flat import Kind, Result, Source, kind_of, variant_
 from feeder_sim.machine_code.functions import COMPILED, INNER, OPTIONS, OVERLOADS, External, Inner, borrow
 from feeder_sim.machine_code.key import LENGTH, base_folder, key_of
 
-FOLDERS_KEPT = 4  # of other libraries and processors
-STATES_KEPT = 4  # of the machine code of a function: two checkouts, a change and a way back
+MOST_FOLDERS = 4  # of other libraries and processors
+MOST_STATES = 4  # of the machine code of a function: two checkouts, a change and a way back
 LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco")
 # Folder of inner functions whose entry point is not compiled yet, so that a killed process loses little.
 PARTS = "parts"
@@ -58,10 +58,10 @@ INGREDIENTS = all(
 # a record by another number. Both counts begin at 1 in every process. So two versions that two processes have compiled
 # may bear the same name, and a third process that loads both runs one of them for the other. It does not where every
 # process counts from somewhere else.
-TOLD_APART = hasattr(FunctionIdentity, "_unique_ids")  # without it no machine code is kept
-if TOLD_APART:
+DISTINCT_NAMES = hasattr(FunctionIdentity, "_unique_ids")  # without it no machine code is kept
+if DISTINCT_NAMES:
     FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(5), "big"))
-KEPT_IN_PARTS = INGREDIENTS and TOLD_APART
+STORES_PARTS = INGREDIENTS and DISTINCT_NAMES
 # What reading a damaged file of the cache ends in, or one that names a type of a script that is not here.
 DAMAGED = (AttributeError, EOFError, ImportError, ValueError, pickle.UnpicklingError)
 TWO_ARRAYS = (types.int64[::1], types.float64[::1])
@@ -117,9 +117,9 @@ def _returned(variant: Variant, inner_function: Inner) -> Kind:
     file = f"{Path(entry.__code__.co_filename).stem}.{variant.name}-{entry.__module__}-{key_of(entry)}.variant"
     place = code_folder() / file
     with contextlib.suppress(OSError, *DAMAGED):
-        kept = pickle.loads(place.read_bytes())
-        if isinstance(kept[-1], Kind):
-            return kept[-1]
+        stored = pickle.loads(place.read_bytes())
+        if isinstance(stored[-1], Kind):
+            return stored[-1]
     register_overloads()
     signature = tuple(map(type_of, variant.arguments))
     dispatcher_of(inner_function).compile(signature)
@@ -209,7 +209,7 @@ def callable_from_python(function: Callable[..., Any]) -> Any:
     register_overloads()
     dispatcher = _njit(**OPTIONS)(function)
     dispatcher.__class__ = _EntryPoint
-    if TOLD_APART:
+    if DISTINCT_NAMES:
         dispatcher._cache = _EntryCache(function)
     return dispatcher
 
@@ -271,7 +271,7 @@ class _Inner(CPUDispatcher):
     def compile(self, sig: Any) -> Any:
         if sig in self.overloads:
             return super().compile(sig)
-        if KEPT_IN_PARTS and not isinstance(self._cache, _PartCache):
+        if STORES_PARTS and not isinstance(self._cache, _PartCache):
             self._cache = _PartCache(self.py_func)  # here and not on import, when nothing may have to be compiled
         with _compiled_into(self, _Ingredient if INGREDIENTS else JITCodeLibrary):
             made = super().compile(sig)
@@ -374,8 +374,8 @@ def _remembered(function: Any, context: Any, args: Any, keywords: Any) -> Any:
     ways to read it.
     """
     flags = targetconfig.ConfigStack.top_or_none()
-    said = () if flags is None else tuple(sorted((name, str(value)) for name, value in flags._values.items()))
-    key = context, tuple(args), tuple(keywords.items()), said
+    flag_texts = () if flags is None else tuple(sorted((name, str(value)) for name, value in flags._values.items()))
+    key = context, tuple(args), tuple(keywords.items()), flag_texts
     known = function.__dict__.setdefault("_feeder_sim_calls", {})
     if key not in known:
         signature = _resolve(function, context, args, keywords)
@@ -406,7 +406,7 @@ def remove_old_folders(base: Path) -> None:
     """Remove machine code of other states than those used last."""
     folders = [path for path in base.iterdir() if len(path.name) == LENGTH and path.is_dir()]
     folders.sort(key=lambda path: path.stat().st_mtime, reverse=True)
-    for path in folders[FOLDERS_KEPT:]:
+    for path in folders[MOST_FOLDERS:]:
         shutil.rmtree(path, ignore_errors=True)
 
 
@@ -479,7 +479,7 @@ class _EntryCache(_Cache):
         states: dict[str, list[Path]] = {}
         for file in sorted(code_folder().glob(f"{name}*"), key=_age):
             states.setdefault(file.name[len(name) :][:LENGTH], []).append(file)
-        for files in list(states.values())[STATES_KEPT:]:
+        for files in list(states.values())[MOST_STATES:]:
             for file in files:
                 file.unlink(missing_ok=True)
 

@@ -54,10 +54,10 @@ def key_of(function: Any) -> str:
     That of a function of the package is kept for as long as no file of it has changed: to make it takes half a second.
     """
     of_package = Path(function.__code__.co_filename).resolve().is_relative_to(PACKAGE)
-    return _kept(function) if of_package else _made(function)
+    return _stored(function) if of_package else _made(function)
 
 
-def _kept(function: Any) -> str:
+def _stored(function: Any) -> str:
     name, keys = f"{function.__module__}.{function.__qualname__}", _keys()
     if name not in keys:
         keys[name] = _made(function)
@@ -78,9 +78,9 @@ def _place() -> Path:
 def _keys() -> dict[str, str]:
     """Keys that were made from these files before."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-        kept = json.loads(_place().read_text(encoding="ascii"))
-        if kept["state"] == _state():
-            return dict(kept["keys"])
+        stored = json.loads(_place().read_text(encoding="ascii"))
+        if stored["state"] == _state():
+            return dict(stored["keys"])
     return {}
 
 

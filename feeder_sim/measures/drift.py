@@ -128,10 +128,10 @@ def passage(frames: Frames, cell: Cell, level: float, part: int = 0) -> float:
     """Time [s] at which a part first comes to a fraction of d0, interpolated between frames; NaN if it never does."""
     may = cell.may_pass(frames, level, frames[slice(1)], part)
     for rows in np.split(may, range(AT_ONCE, len(may), AT_ONCE)):
-        below = rows[cell.way(frames[rows], part) <= level]
+        below = rows[cell.distance_to_node(frames[rows], part) <= level]
         if len(below):
             around = slice(max(0, int(below[0]) - 1), int(below[0]) + 1)
-            return first_passage(frames.time[around], cell.way(frames[around], part), level)
+            return first_passage(frames.time[around], cell.distance_to_node(frames[around], part), level)
     return math.nan
 
 
@@ -139,7 +139,7 @@ def transport_speed(
     frames: Frames, cell: Cell, *, start: float = PASSAGE_FROM, end: float = PASSAGE_TO, part: int = 0
 ) -> float:
     """Speed [m/s] of one seed between two fractions of d0; NaN if the part did not pass both."""
-    if not len(frames) or cell.way(frames[slice(1)], part)[0] < start:  # it did not pass the start line
+    if not len(frames) or cell.distance_to_node(frames[slice(1)], part)[0] < start:  # it did not pass the start line
         return math.nan
     duration = passage(frames, cell, end, part) - passage(frames, cell, start, part)
     return (start - end) * cell.reach / duration if duration > 0 else math.nan

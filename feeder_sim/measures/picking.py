@@ -85,7 +85,7 @@ def picks_of(scene: Scene, seed: Seed) -> Picks:
     pose, yaw = _lying(scene, part, frames.quaternion[row, part])
     return Picks(
         time=time,
-        clock=time + robot.look_s * (stage_index + 1) + robot.pick_s * np.arange(1, len(time) + 1),
+        clock=time + robot.camera_s * (stage_index + 1) + robot.pick_s * np.arange(1, len(time) + 1),
         cycle=np.array([stage.cycle for stage in stages], np.int64)[stage_index],
         kind=scene.kind_of[part],
         pose=pose,

@@ -176,7 +176,7 @@ def clock_of(scene: Scene, seed: Seed, picks: Picks) -> Clock:
     return Clock(
         driving=driving,
         pauses=sum(stage.end - stage.start for stage in stages) - driving,
-        looks=robot.look_s * sum(stage in stages for stage in pick_stages(scene, seed)),
+        looks=robot.camera_s * sum(stage in stages for stage in pick_stages(scene, seed)),
         picks=robot.pick_s * int((picks.cycle >= first).sum()),
     )
 

@@ -12,7 +12,7 @@ from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.seed import Cause, Seed, parts_removed
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.scene.refill import refill_frames, wanted
+from feeder_sim.scene.refill import refill_count, refill_frames
 from feeder_sim.scene.scene import Scene
 
 
@@ -37,7 +37,7 @@ class SeedRefills:
 
     refills: int
     came: int
-    asked: int
+    requested: int
 
 
 class Refills(Measure[RefillFindings, SeedRefills]):
@@ -56,7 +56,7 @@ class Refills(Measure[RefillFindings, SeedRefills]):
         return RefillFindings(
             refills=Statistic.of(float(seed.refills) for seed in readings),
             refilled=Statistic.of(float(seed.came) for seed in readings),
-            not_refilled=Statistic.of(float(seed.asked - seed.came) for seed in readings),
+            not_refilled=Statistic.of(float(seed.requested - seed.came) for seed in readings),
         )
 
     def lines(self, prepared: Prepared, findings: RefillFindings) -> list[str]:
@@ -79,5 +79,5 @@ def requested(scene: Scene, seed: Seed) -> int:
             remaining = scene.on_plate(frames[slice(frame, frame + 1)])[0]
             time = float(frames.time[frame])
             remaining[parts_removed(seed.removals, Cause.PICKED, start=time - half, end=time + half)] = False
-            number += wanted(scene, int(remaining.sum()))
+            number += refill_count(scene, int(remaining.sum()))
     return number

@@ -48,7 +48,7 @@ def nodal_lines(surface: Surface, shape: int = 0) -> NodalLines:
     w = surface.table[shape, 0]
     traced = contour_generator(surface.x, surface.y, w.T).lines(0.0)
     lines = tuple(np.asarray(line) for line in traced if len(line) > 1)
-    return NodalLines(lines if surface.outline is None or not lines else surface.outline.kept(lines))
+    return NodalLines(lines if surface.outline is None or not lines else surface.outline.inside(lines))
 
 
 def antinode_near(surface: Surface, shape: int, point: tuple[float, float]) -> NDArray[np.float64]:

@@ -75,7 +75,7 @@ class Outline:
         away = np.asarray(shapely.distance(shapely.points(points), self._edges))
         return np.where(self.holds(points), away, -away)
 
-    def kept(self, lines: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], ...]:
+    def inside(self, lines: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], ...]:
         """The parts of polylines (n, 2) [m] that are on the plate."""
         import shapely
 

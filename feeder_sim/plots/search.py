@@ -31,8 +31,8 @@ def search_figures(search: Search) -> list[Figure]:
         caption=f"{label}: means of the trials, with standard errors; pale ones were stopped early. The line is the "
         f"best so far of those with all their seeds.{checked}",
     )
-    valued = [trial for trial in search.trials if trial.found.n]
-    means = [Statistic(trial.found.mean, math.nan, math.nan, 1) for trial in valued]
+    valued = [trial for trial in search.trials if trial.statistic.n]
+    means = [Statistic(trial.statistic.mean, math.nan, math.nan, 1) for trial in valued]
     rows = [Mean(trial.point, mean) for trial, mean in zip(valued, means, strict=True)]
     alt = f"{label} over {' and '.join(keys)}, {len(rows)} trials."
     over_keys = sample_figure(rows, keys, label, alt=alt, caption=f"{label}: means of the trials.")
@@ -46,9 +46,9 @@ def draw_history(axes: Any, search: Search) -> None:
     """
     for stopped, color, label in ((True, PALE, "stopped early"), (False, BLUE, "all seeds")):
         points = [
-            (i, trial.found)
+            (i, trial.statistic)
             for i, trial in enumerate(search.trials)
-            if trial.stopped == stopped and not math.isnan(trial.found.mean)
+            if trial.stopped == stopped and not math.isnan(trial.statistic.mean)
         ]
         if points:
             place, statistics = zip(*points, strict=True)
@@ -60,9 +60,11 @@ def draw_history(axes: Any, search: Search) -> None:
         (2, search.present, RED, "recipe of the file, fresh seeds"),
         (4, search.best, GREEN, "best recipe, fresh seeds"),
     ):
-        if checked is not None and checked.found.n:
-            reach = drawn_half(checked.found)
-            axes.errorbar(len(steps) + after, checked.found.mean, reach, fmt="s", color=color, capsize=3, label=label)
+        if checked is not None and checked.statistic.n:
+            reach = drawn_half(checked.statistic)
+            axes.errorbar(
+                len(steps) + after, checked.statistic.mean, reach, fmt="s", color=color, capsize=3, label=label
+            )
     axes.set(xlabel="trial", ylabel=measure_label(search.aim.measure))
     axes.grid(True, alpha=0.3)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -33,7 +33,7 @@ class Mean:
     """A mean at a point that is no row of a table."""
 
     point: Mapping[str, Any]
-    found: Statistic
+    statistic: Statistic
     spread: None = None
 
 
@@ -70,12 +70,12 @@ def sample_figure(rows: Sequence[Row | Mean], keys: Sequence[str], label: str, *
 
 def count_of(row: Row | Mean) -> int:
     """Number of independent values behind a mean: seeds, or draws of uncertain inputs."""
-    return row.spread.draws if row.spread else row.found.n
+    return row.spread.draws if row.spread else row.statistic.n
 
 
 def half_width(row: Row | Mean) -> float:
     """Half the width of the 95 % interval of a mean; NaN where it has none."""
-    return half_interval(row.found.se, count_of(row))
+    return half_interval(row.statistic.se, count_of(row))
 
 
 def _drawn_half(row: Row | Mean) -> float:
@@ -97,7 +97,7 @@ def draw_line(
     names = list(dict.fromkeys(str(value) for value in values))
     x = np.array(values, float) if numbers else np.array([names.index(str(value)) for value in values], float)
     order = np.argsort(x, kind="stable")
-    mean = np.array([row.found.mean for row in rows])
+    mean = np.array([row.statistic.mean for row in rows])
     reach = np.array([_drawn_half(row) for row in rows])
     if joined and all(row.spread for row in rows):
         low, high = (np.array([getattr(row.spread, name) for row in rows]) for name in ("inputs_low", "inputs_high"))
@@ -142,7 +142,7 @@ def _draw_map(figure: Any, *, rows: Sequence[Row], keys: tuple[str, ...], label:
     ticks = [sorted(values) if all(_is_number(v) for v in values) else values for values in ticks]
     grid = np.full((len(ticks[1]), len(ticks[0])), math.nan)
     for point, row in zip(points, rows, strict=True):
-        grid[ticks[1].index(point[keys[1]]), ticks[0].index(point[keys[0]])] = row.found.mean
+        grid[ticks[1].index(point[keys[1]]), ticks[0].index(point[keys[0]])] = row.statistic.mean
     norm, limits, extend = colour_limits(rows)
     how: dict[str, Any] = {"cmap": "viridis", "norm": norm(*limits)}
     image = axes.pcolormesh(*(_edges(values) for values in ticks), grid, **how)
@@ -164,7 +164,7 @@ def colour_limits(rows: Sequence[Row | Mean]) -> tuple[Any, tuple[float, float],
     """Scale and limits of colours, and which ends lie beyond them: a few far values must not hide all others."""
     from matplotlib.colors import LogNorm, Normalize
 
-    means = np.array([row.found.mean for row in rows])
+    means = np.array([row.statistic.mean for row in rows])
     low, high = float(means.min()), float(means.max())
     if low > 0.0 and high > DECADES * low:
         return LogNorm, (low, high), ""
@@ -190,8 +190,8 @@ def _draw_sample(figure: Any, *, rows: Sequence[Row | Mean], keys: Sequence[str]
 def _on_band(rows: Sequence[Row]) -> str:
     """What is to be said of the band over uncertain inputs, and of where there is none."""
     spreads = [row.spread for row in rows if row.spread is not None]
-    band = " The band is the 90 % interval over the inputs." if any(spread.is_told for spread in spreads) else ""
-    gaps = [spread.not_told for spread in spreads if spread.not_told]
+    band = " The band is the 90 % interval over the inputs." if any(spread.is_separated for spread in spreads) else ""
+    gaps = [spread.separation_reason for spread in spreads if spread.separation_reason]
     return f"{band} At {len(gaps)} of {len(rows)} points the inputs are {gaps[0]}: no band." if gaps else band
 
 
@@ -203,7 +203,7 @@ def _without_bars(rows: Sequence[Row]) -> str:
 
 def _fit(axes: Any, rows: Sequence[Row | Mean]) -> None:
     """Set the limits to the means and their bars."""
-    means = [row.found.mean for row in rows]
+    means = [row.statistic.mean for row in rows]
     if min(means) > 0.0 and max(means) > DECADES * min(means):
         make_logarithmic(axes.yaxis)
         axes.set_ylim(0.5 * min(means), 2.0 * max(means))

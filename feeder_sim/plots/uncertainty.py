@@ -76,8 +76,8 @@ def draw_values(axes: Any, study: Uncertainty, measure: str, measured: float | N
     ):
         if math.isfinite(low):
             axes.plot([low, high], [height * top] * 2, "|-", color=color, linewidth=2.5, markersize=9, label=label)
-    if spread.not_told:
-        axes.plot([], [], " ", label=f"means, inputs alone:\n{spread.not_told}")
+    if spread.separation_reason:
+        axes.plot([], [], " ", label=f"means, inputs alone:\n{spread.separation_reason}")
     below = 1.0 / ROOM  # the legend
     axes.axvline(spread.median, ymax=below, color=BLUE, linestyle="--", label=f"median {spread.median:.4g}")
     if measured is not None:

@@ -219,7 +219,7 @@ class Recording:
         return tuple(record.status for record in self.records)
 
     @property
-    def begun(self) -> tuple[Seed, ...]:
+    def started_seeds(self) -> tuple[Seed, ...]:
         """The seeds that had begun; the first stands for all where none had."""
         return tuple(seed for index, seed in enumerate(self.records) if index == 0 or len(seed.frames))
 

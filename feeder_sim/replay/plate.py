@@ -155,7 +155,7 @@ def nodal_lines_of(plate: PlateRecord) -> list[list[NDArray[np.float64]]]:
     ]
     if plate.outline is None:
         return of_shapes
-    return [list(plate.outline.kept(lines)) if lines else [] for lines in of_shapes]
+    return [list(plate.outline.inside(lines)) if lines else [] for lines in of_shapes]
 
 
 def _driven_together(plate: PlateRecord) -> list[list[int]]:

@@ -50,7 +50,7 @@ def replay_file(run: Path, *, seed: int = 0, colour: Colour | None = None, rebui
     return replay
 
 
-def time_shown(run: Path, at: float | None, *, seed: int = 0, slow: bool = False) -> float:
+def displayed_time(run: Path, at: float | None, *, seed: int = 0, slow: bool = False) -> float:
     """The time [s] to show of a run: `at`, or without it 1 s or the end of a record that is shorter.
 
     Raises:

@@ -15,7 +15,7 @@ class Content:
     sections: results.
     title: what it is, before the title of the scenario, where the name of the question does not say it.
     command: that asks it again, where that is not the question's own: its words after the name of the program.
-    asked: what was asked, beside the words of the question.
+    question: what was asked, beside the words of the question.
     tiles: the most important results.
     notices: what a reader has to know first.
     more: about the command, in words.
@@ -25,7 +25,7 @@ class Content:
     sections: tuple[Section, ...]
     title: str = ""
     command: Sequence[str] = ()
-    asked: tuple[Block, ...] = ()
+    question: tuple[Block, ...] = ()
     tiles: tuple[Tile, ...] = ()
     notices: tuple[Text, ...] = ()
     more: str = ""

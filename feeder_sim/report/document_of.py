@@ -52,7 +52,7 @@ def study_document(folder: Path) -> Document:
     command = content.command or question.command(folder / SCENARIO)
     files = tuple(name for name in study.files(lambda _: "") if (folder / name).is_file())
     sections = (
-        Section("What was asked", (*content.asked, _question_table(question))),
+        Section("What was asked", (*content.question, _question_table(question))),
         *content.sections,
         Section("Warnings", remarks or (Text("None known."),)),
         Section("The scenario", scenario_blocks(scenario, text)),

@@ -28,7 +28,7 @@ class Recorded:
         folder: of the run.
         recording: its trajectory.
         result: as the run itself would have it.
-        under_way: whether a process still writes into the folder.
+        running: whether a process still writes into the folder.
         other_versions: a line where the run was made with other libraries than those that are here now, else "".
         changed_inputs: a line for each file whose content is no longer that of the run.
     """
@@ -36,7 +36,7 @@ class Recorded:
     folder: Path
     recording: Recording
     result: Result
-    under_way: bool
+    running: bool
     other_versions: str
     changed_inputs: tuple[str, ...]
 
@@ -61,10 +61,10 @@ def recorded_run(run: Path) -> Recorded:
     folder = recording.path.parent
     scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
     prepared = prepare(scenario)
-    result = Result(prepared, recording.begun, recording.wall_s)
-    under_way = result.interrupted and _in_use(folder)
+    result = Result(prepared, recording.started_seeds, recording.wall_s)
+    running = result.interrupted and _in_use(folder)
     return Recorded(
-        folder, recording, result, under_way, _other_versions(recording), _changed_inputs(recording, scenario)
+        folder, recording, result, running, _other_versions(recording), _changed_inputs(recording, scenario)
     )
 
 

@@ -161,7 +161,7 @@ def _drift(run: Recorded) -> Figure:
 
     def value(frames: Frames) -> NDArray[np.float64]:
         if cell is not None:
-            return np.asarray(cell.way(frames) * cell.reach * MM)
+            return np.asarray(cell.distance_to_node(frames) * cell.reach * MM)
         displacement = frames.position[:, 0, :2] - frames.position[0, 0, :2]
         return np.asarray(np.linalg.norm(displacement, axis=1) * MM)
 

@@ -103,7 +103,7 @@ def _notices(run: Recorded) -> list[Text]:
     """What a reader has to know first: that a run is not whole."""
     seeds, lines = len(run.recording.status), []
     if run.result.interrupted:
-        how = "The run is still going on" if run.under_way else "The run was interrupted"
+        how = "The run is still going on" if run.running else "The run was interrupted"
         lines.append(
             Text(f"{how}: {run.ended} of {seeds} seeds have ended. Only these count in the measures.", "warning")
         )

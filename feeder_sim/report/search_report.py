@@ -38,7 +38,7 @@ def search_content(search: Search, folder: Path) -> Content:
             Section("The course of the search", (*figures, *_trials(search))),
         ),
         command=question.model_copy(update=updates).command(folder / SCENARIO),
-        asked=(_keys_table(search),),
+        question=(_keys_table(search),),
         tiles=tuple(_tiles(search)),
         notices=tuple(_notices(search)),
         more="A search that began with --screen takes the same way only with that option.",
@@ -67,15 +67,15 @@ def _tiles(search: Search) -> Iterator[Tile]:
     """The recipe of the file, the best one, and their difference."""
     unit = split_unit(search.aim.measure)[1]
     for label, checked in (("recipe of the file", search.present), ("best recipe", search.best)):
-        if checked is not None and checked.found.n:
-            yield Tile(label, *_mean_and_note(checked.found, unit, "fresh seeds"))
+        if checked is not None and checked.statistic.n:
+            yield Tile(label, *_mean_and_note(checked.statistic, unit, "fresh seeds"))
     improvement = search.gain
     if improvement.n > 1:
         text, reach = with_error(improvement.mean, half_interval(improvement.se, improvement.n))
         yield Tile("difference", _signed(text), unit, f"± {reach} (95 %), seed by seed")
     leader = search.leader
     if not search.complete and leader is not None:
-        yield Tile("best trial, not checked", *_mean_and_note(leader.found, unit, "seeds"))
+        yield Tile("best trial, not checked", *_mean_and_note(leader.statistic, unit, "seeds"))
     stopped = sum(trial.stopped for trial in search.trials)
     yield Tile("recipes tried", str(len(search.trials)), "", f"{stopped} stopped early")
 
@@ -116,8 +116,8 @@ def _best(search: Search, folder: Path) -> Iterator[Block]:
         yield Table("", ("key", "unit", "recipe of the file", head), tuple(rows), numbers_from=2)
     if search.present is None:
         return
-    recipes = [("recipe of the file", search.present.found)]
-    recipes += [("best recipe", search.best.found)] if search.best else []
+    recipes = [("recipe of the file", search.present.statistic)]
+    recipes += [("best recipe", search.best.statistic)] if search.best else []
     cells: list[tuple[str, ...]] = [(label, *statistic_cells(statistic.as_dict())) for label, statistic in recipes]
     if search.best and search.gain.n:
         mean, *remaining = statistic_cells(search.gain.as_dict())
@@ -160,12 +160,12 @@ def _verdict(search: Search) -> Iterator[Text]:
     first = search.first
     if leader is not None and first is not None and first.number != leader.number:
         yield Text(
-            f"Trial {first.number} had a better mean in the search, {number(first.found.mean)} over {first.seeds} "
+            f"Trial {first.number} had a better mean in the search, {number(first.statistic.mean)} over {first.seeds} "
             "seeds. With twice the seeds it came out worse, or a seed had no value.",
             "note",
         )
     if leader is not None:
-        mean_then, _ = with_error(leader.found.mean, leader.found.se)
+        mean_then, _ = with_error(leader.statistic.mean, leader.statistic.se)
         yield Text(
             f"In the search it was trial {leader.number}, with a mean of {mean_then} over {leader.seeds} seeds. Chance "
             "has helped to choose it: only the mean with fresh seeds counts.",
@@ -180,9 +180,9 @@ def _trials(search: Search) -> Iterator[Block]:
     rows = tuple(
         (
             str(trial.number),
-            trial.became,
+            trial.outcome,
             *(_value(trial.point, key) for key in search.keys),
-            *(with_error(trial.found.mean, trial.found.se)),
+            *(with_error(trial.statistic.mean, trial.statistic.se)),
             str(trial.seeds),
         )
         for trial in search.trials[:MOST_ROWS]

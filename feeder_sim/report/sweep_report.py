@@ -42,26 +42,29 @@ def sweep_content(sweep: Sweep, _: Path) -> Content:
             Section("Results", tuple(pictures)),
             Section("All measures", (_extremes(sweep, ordered), *_values(sweep, ordered))),
         ),
-        asked=(_keys_table(sweep),),
+        question=(_keys_table(sweep),),
         tiles=tuple(_tiles(sweep, ordered)),
     )
 
 
 def _varies(rows: Sequence[Row]) -> bool:
-    return len({row.found.mean for row in rows}) > 1
+    return len({row.statistic.mean for row in rows}) > 1
 
 
 def _tiles(sweep: Sweep, ordered: Sequence[str]) -> Iterator[Tile]:
     """Where the most telling measures are largest."""
     telling = [name for name in ordered if name in (sweep.question.measure, *TELLING) and _varies(sweep.valued(name))]
     for measure in telling[:TILES]:
-        row = max(sweep.valued(measure), key=lambda row: row.found.mean)
+        row = max(sweep.valued(measure), key=lambda row: row.statistic.mean)
         label, unit = split_unit(measure)
-        mean, half = with_error(row.found.mean, half_width(row))
+        mean, half = with_error(row.statistic.mean, half_width(row))
         sure = count_of(row) >= FEWEST and half
         spread = f"± {half} (95 %), " if sure else ""
         yield Tile(
-            f"largest {label}", mean if sure else number(row.found.mean), unit, f"{spread}at {point_text(row.point)}"
+            f"largest {label}",
+            mean if sure else number(row.statistic.mean),
+            unit,
+            f"{spread}at {point_text(row.point)}",
         )
 
 
@@ -86,7 +89,7 @@ def _extremes(sweep: Sweep, ordered: Sequence[str]) -> Table:
         if not valued_rows:
             rows.append((measure_label(measure), "no value", "", "", "", "0"))
             continue
-        low, high = (pick(valued_rows, key=lambda row: row.found.mean) for pick in (min, max))
+        low, high = (pick(valued_rows, key=lambda row: row.statistic.mean) for pick in (min, max))
         ends = [(_with_se(row), point_text(row.point)) for row in ((low, high) if _varies(valued_rows) else (low,))]
         cells = [text for end in ends for text in end]
         if len(ends) == 1:
@@ -96,7 +99,7 @@ def _extremes(sweep: Sweep, ordered: Sequence[str]) -> Table:
 
 
 def _with_se(row: Row) -> str:
-    mean, se = with_error(row.found.mean, row.found.se)
+    mean, se = with_error(row.statistic.mean, row.statistic.se)
     return f"{mean} ± {se}" if se not in ("", "0") else mean
 
 
@@ -122,12 +125,12 @@ def _values(sweep: Sweep, ordered: Sequence[str]) -> Iterator[Block]:
 
 
 def _cells(row: Row) -> tuple[str, ...]:
-    mean, se, interval, _ = statistic_cells(row.found.as_dict() | {"n": count_of(row)})
-    n = str(row.found.n)
+    mean, se, interval, _ = statistic_cells(row.statistic.as_dict() | {"n": count_of(row)})
+    n = str(row.statistic.n)
     if row.spread is None:
         return mean, se, interval, n
     spread = row.spread
-    over = spread.not_told
-    if spread.is_told:
+    over = spread.separation_reason
+    if spread.is_separated:
         over = f"{number(spread.inputs_low)} to {number(spread.inputs_high)}"
     return mean, se, interval, over, number(spread.sd_inputs, 2), number(spread.sd_seeds, 2), n

@@ -42,7 +42,7 @@ def uncertainty_content(study: Uncertainty, _: Path) -> Content:
             Section("What it depends on", (*hints, *figures[1:], *_share_tables(measures, linear, indices))),
             Section("The draws", tuple(_draws(study, measures))),
         ),
-        asked=(_inputs(study),),
+        question=(_inputs(study),),
         tiles=tuple(_tiles(study, measures, main)),
         notices=tuple(_notices(study)),
     )
@@ -72,7 +72,7 @@ def _tiles(study: Uncertainty, measures: Sequence[str], main: str) -> Iterator[T
         spread = study.spread(measure)
         label, unit = split_unit(measure)
         note = f"{spread.of_runs} {between(spread.low, spread.high)}"
-        if spread.is_told:
+        if spread.is_separated:
             note += f", of means {between(spread.inputs_low, spread.inputs_high)}"
         yield Tile(f"median {label}", number(spread.median, 3), unit, note)
 
@@ -133,7 +133,7 @@ def _table_of(study: Uncertainty, measures: Sequence[str]) -> Table:
     rows = []
     for measure in measures:
         spread = study.spread(measure)
-        means = spread.not_told or between(spread.inputs_low, spread.inputs_high)
+        means = spread.separation_reason or between(spread.inputs_low, spread.inputs_high)
         intervals = number(spread.median, 3), between(spread.low, spread.high), means
         scatter = number(spread.sd_inputs, 2), number(spread.sd_seeds, 2)
         rows.append((measure_label(measure), *intervals, *scatter, str(spread.draws)))

@@ -32,7 +32,7 @@ class OpenRun(SeedRun):
     """
 
     def __init__(self, prepared: Prepared, *, threads: int = 1) -> None:
-        super().__init__(replace(prepared, scene=prepared.scene.begun(0)), 0, threads=threads)
+        super().__init__(replace(prepared, scene=prepared.scene.up_to_stage(0)), 0, threads=threads)
         self._prepared, self._stages_started = prepared, 0
         self._progress, self._never = np.zeros(1), threading.Event()
         self._wall_s, self._refills = 0.0, 0
@@ -56,7 +56,7 @@ class OpenRun(SeedRun):
         started = time.perf_counter()
         waits = [stage.until.for_s for stage in scene.times.stages[self._stages_started :] if stage.until]
         if waits:
-            self._lines, self._history.look_back = stage_lines(scene), max(waits)
+            self._lines, self._history.history_s = stage_lines(scene), max(waits)
         self._full_scene = scene
         try:
             while self._stages_started < len(scene.times.stages) and self.status == Status.UNFINISHED:
@@ -95,7 +95,7 @@ class OpenRun(SeedRun):
         if len(self.removals) == len(self._full_scene.parts) and self._full_scene.scenario.refill is None:
             self.status = Status.DONE
 
-    def bring_in(self, number: int) -> NDArray[np.int64]:
+    def refill(self, number: int) -> NDArray[np.int64]:
         """Fill in parts where the refill of the scenario says; returns the indices of those that there was room for."""
         scene, now = self._prepared.scene, self.current()
         self._refills += 1

@@ -15,7 +15,7 @@ from feeder_sim.part.mesh_part import solid
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import GivenState, MeshPart, Placed, Rectangle, Scenario, Strip, resolve_material
 from feeder_sim.scenario.engine_choice import Choice, choose_engine
-from feeder_sim.scenario.rules import complaints
+from feeder_sim.scenario.rules import findings_of_level
 from feeder_sim.scene.cell import check_stop_rule, transport_cell
 from feeder_sim.scene.overlap import LEAST_IN_PLATE, overlaps, reaching_hulls
 from feeder_sim.scene.prepared import Prepared
@@ -175,8 +175,8 @@ MOST_ACCELERATION = 2000.0  # [g]; what drives move plates with
 def setting_warnings(scene: Scene, engine: Choice) -> list[str]:
     """Settings of a scene that are known to give wrong numbers: key, value and effect, a line each."""
     scenario = scene.scenario
-    lines = [*complaints(scenario, "unstable"), *_motion_warnings(scene)]
-    lines += [*ignored_uncertainty(scenario), *complaints(scenario, "misleading")]
+    lines = [*findings_of_level(scenario, "unstable"), *_motion_warnings(scene)]
+    lines += [*ignored_uncertainty(scenario), *findings_of_level(scenario, "misleading")]
     lines += [
         f"part[{i}].file: has {counted(kind.dropped_facets, 'facet')} of no area, which the part does without"
         for i, kind in enumerate(scene.kinds)

@@ -57,7 +57,7 @@ class Recorder:
         """Put a whole seed on disk, which has ended elsewhere; returns it with the name of its last states."""
         self.append(seed_index, seed)
         if seed.failure and seed.last:
-            seed = replace(seed, failure=seed.failure.kept_in(self.save_last(seed.failure, seed.last)))
+            seed = replace(seed, failure=seed.failure.saved_in(self.save_last(seed.failure, seed.last)))
         self.finish(seed_index, seed)
         self._single_blocks.pop(seed_index, None)
         return seed

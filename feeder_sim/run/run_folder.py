@@ -29,7 +29,7 @@ from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.simulation import Result, check_starts, simulate
 from feeder_sim.run.work import Work, silent
 from feeder_sim.scenario import Scenario, input_files, load_scenario, parse_scenario, with_files
-from feeder_sim.scenario.rules import complaints
+from feeder_sim.scenario.rules import findings_of_level
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
@@ -362,7 +362,7 @@ def mjcf_text(scene: Scene) -> str:
 
 def _write_mjcf(scene: Scene, path: Path, work: Work) -> None:
     """Write the scene as MJCF, unless its parts make too many pairs or MuJoCo does not have its law of impact."""
-    of_mujoco = complaints(scene.scenario, "refused", engine="mujoco")
+    of_mujoco = findings_of_level(scene.scenario, "refused", engine="mujoco")
     refused = next((line for line in of_mujoco if line.startswith("contact.")), None)
     if refused is None and len(scene.parts) <= MJCF_PARTS:
         write_whole(path, mjcf_text(scene).encode())

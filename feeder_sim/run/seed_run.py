@@ -57,8 +57,8 @@ class History:
         stops: times at which the drives of the first stages have stopped [s], shape (n,).
     """
 
-    def __init__(self, look_back: float, *, retains_all: bool) -> None:
-        self.look_back, self.retains_all = look_back, retains_all
+    def __init__(self, history_s: float, *, retains_all: bool) -> None:
+        self.history_s, self.retains_all = history_s, retains_all
         self._blocks: list[Seed] = []
         self.n_frames = 0
         self.removals = no_events(REMOVALS)
@@ -73,7 +73,7 @@ class History:
         if len(block.stops):
             self.stops = np.concatenate([self.stops, block.stops])
         if not self.retains_all and len(block.frames):
-            since = block.frames.time[-1] - self.look_back
+            since = block.frames.time[-1] - self.history_s
             while len(self._blocks) > 1 and _begins_by(self._blocks[1].frames, since):
                 self._blocks.pop(0)
 
@@ -177,7 +177,7 @@ class SeedRun:
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> Seed:
         """Record how it ended; returns everything."""
         if self._recorder and failure and self._last:
-            failure = failure.kept_in(self._recorder.save_last(failure, self._last))
+            failure = failure.saved_in(self._recorder.save_last(failure, self._last))
         recorded = self._recorder.recorded(self._index) if self._recorder else self._history.to_seed()
         counts = self._engine.counts
         seed = replace(recorded, status=status, wall_s=wall_s, failure=failure, last=self._last, counts=counts)
@@ -202,7 +202,9 @@ class SeedRun:
 
     def _started_scene(self) -> Scene:
         """The scene, or of one that is computed stage by stage as much as is known by now."""
-        return self._full_scene.begun(self._stages_started) if self._full_scene.stage_by_stage else self._full_scene
+        return (
+            self._full_scene.up_to_stage(self._stages_started) if self._full_scene.stage_by_stage else self._full_scene
+        )
 
     def _begin_stage(self) -> None:
         """Go on with the next stage, in a window of its own."""
@@ -319,7 +321,7 @@ class SeedRun:
             return False
         looked_at = frames[slice(None, None, -PASSAGE_CHECK)]  # the last frame among them
         may = cell.may_pass(looked_at, PASSAGE_TO, self._first)
-        return len(may) > 0 and bool((cell.way(looked_at[may]) <= PASSAGE_TO).any())
+        return len(may) > 0 and bool((cell.distance_to_node(looked_at[may]) <= PASSAGE_TO).any())
 
     def _record(self, block: Seed) -> Seed:
         """Record the block; the stage under way ends with it where its parts have settled."""

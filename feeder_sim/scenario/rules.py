@@ -39,7 +39,7 @@ Rule = Callable[["Scenario"], Broken]
 Level = Literal["refused", "unstable", "misleading"]
 
 
-def complaints(scenario: Scenario, level: Level, *, engine: str = "") -> Iterator[str]:
+def findings_of_level(scenario: Scenario, level: Level, *, engine: str = "") -> Iterator[str]:
     """The rules of a level that a scenario breaks, a line each; engine: another one than its own."""
     engine = engine or choose_engine(scenario).name
     engine_rules: Mapping[str, tuple[Rule, ...]] = RULES_OF.get(engine, {})
@@ -124,7 +124,7 @@ def _around_the_plate(s: Scenario) -> Broken:
         yield "run.planar", "false with [refill]"
     if s.goal is not None:
         yield "goal", "none with [refill]"
-    if s.pour is None:
+    if s.refill_start is None:
         yield "refill.start", 'a table with kind "scattered" or "heap": part[0] starts at one place'
 
 

@@ -29,7 +29,7 @@ from feeder_sim.scenario.plate import (
     PlateFile,
     Rectangle,
 )
-from feeder_sim.scenario.rules import complaints
+from feeder_sim.scenario.rules import findings_of_level
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Pick, Refill, Robot, Schedule, Stage
 from feeder_sim.scenario.shapes import PartSpec
@@ -150,7 +150,7 @@ class Scenario(Table):
         return (self.refill.to if self.refill else None) or self.n_parts
 
     @property
-    def pour(self) -> Scattered | Heap | None:
+    def refill_start(self) -> Scattered | Heap | None:
         """Where new parts start; None without a refill."""
         if self.refill is None:
             return None
@@ -201,10 +201,10 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _keeps_the_rules(self) -> Self:
-        for problem in complaints(self, "refused"):
+        for problem in findings_of_level(self, "refused"):
             raise ValueError(problem)
         if not self.run.allow_unstable:
-            for problem in complaints(self, "unstable"):
+            for problem in findings_of_level(self, "unstable"):
                 raise ValueError(f"{problem}; run.allow_unstable = true runs it all the same")
         return self
 

@@ -40,7 +40,7 @@ class Robot(Table):
     """Time of robot and camera, during which the plate rests and nothing is simulated; it counts for the rate."""
 
     pick_s: NonNegative = 0.0
-    look_s: NonNegative = 0.0
+    camera_s: NonNegative = 0.0
 
 
 MOST_STAGES = 100_000  # of all cycles together

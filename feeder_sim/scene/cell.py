@@ -33,7 +33,7 @@ class Cell:
     reach: float
     lines: NodalLines
 
-    def way(self, frames: Frames, part: int = 0) -> NDArray[np.float64]:
+    def distance_to_node(self, frames: Frames, part: int = 0) -> NDArray[np.float64]:
         """Distance of a part from the nearest nodal line over d0, shape (n,): 1 at the antinode, 0 at the node."""
         return self.lines.distance(frames.position[:, part, :2]) / self.reach
 
@@ -44,7 +44,7 @@ class Cell:
         none.
         """
         moved = np.hypot(*(frames.position[:, part, :2] - first.position[0, part, :2]).T) / self.reach
-        return np.flatnonzero(moved >= (1.0 - ROUND_OFF) * (self.way(first, part)[0] - level))
+        return np.flatnonzero(moved >= (1.0 - ROUND_OFF) * (self.distance_to_node(first, part)[0] - level))
 
 
 def transport_cell(scene: Scene) -> Cell | None:

@@ -69,7 +69,7 @@ def check_refill(scenario: Scenario, surface: Surface, kinds: Sequence[RigidPart
     Raises:
         InputError: as said.
     """
-    start = scenario.pour
+    start = scenario.refill_start
     if scenario.refill is None or start is None:
         return
     key = "refill.start" if scenario.refill.start else "part[0].start"

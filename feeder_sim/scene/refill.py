@@ -22,7 +22,7 @@ def refill_frames(scene: Scene) -> dict[int, int]:
     return {scene.frame_at(end): cycle for cycle, end in ends.items() if cycle < last}
 
 
-def wanted(scene: Scene, on_plate: int) -> int:
+def refill_count(scene: Scene, on_plate: int) -> int:
     """How many parts are to come when so many are on the plate."""
     refill = scene.scenario.refill
     if refill is None:
@@ -39,7 +39,7 @@ def refill(scene: Scene, now: Frames, rng: np.random.Generator) -> tuple[NDArray
         now: one frame, after picks.
         rng: as of `hopper.generator`.
     """
-    number = wanted(scene, int(scene.on_plate(now).sum()))
+    number = refill_count(scene, int(scene.on_plate(now).sum()))
     return fill_in(scene, now, next_parts(scene, ~now.present[0], number, rng), rng)
 
 
@@ -47,14 +47,14 @@ def fill_in(
     scene: Scene, now: Frames, parts: NDArray[np.int64], rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], list[Pose]]:
     """As `refill`, of parts (n,) that are chosen."""
-    start = scene.scenario.pour
+    start = scene.scenario.refill_start
     if start is None or not len(parts):
         return np.empty(0, np.int64), []
-    poses = (_pour if isinstance(start, Heap) else _scatter)(scene, start, parts, now, rng)  # type: ignore[arg-type]
+    poses = (_heap if isinstance(start, Heap) else _scatter)(scene, start, parts, now, rng)  # type: ignore[arg-type]
     return parts[: len(poses)], poses
 
 
-def _pour(
+def _heap(
     scene: Scene,
     start: Heap,
     parts: NDArray[np.int64],

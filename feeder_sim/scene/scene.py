@@ -140,7 +140,7 @@ class Scene:
         times = self._timetable(stops)
         return replace(self, times=times, surface=self.surface.moved_by(motion_terms(self.driven, times)))
 
-    def begun(self, n_stages: int) -> Scene:
+    def up_to_stage(self, n_stages: int) -> Scene:
         """The same scene as it is while the last of its first stages is under way: of later ones nothing is known.
 
         The motion has what acts or rings from the begin of that stage on, and of every drive the frequencies, so that
@@ -306,7 +306,7 @@ def _longest_step(scenario: Scenario, plate: DrivenPlate, times: Timetable, kind
     shortest = LONGEST_TRAY_STEP if scenario.plate.kind == "tray" else LONGEST_STEP
     plate_speed = largest_together(times, [mode.drives for mode in plate.driven], speeds=True)
     falls = [(spec.start, kind) for spec, kind in zip(scenario.part, kinds, strict=True)]
-    falls += [(scenario.pour, kind) for kind in kinds] if scenario.pour else []
+    falls += [(scenario.refill_start, kind) for kind in kinds] if scenario.refill_start else []
     for start, kind in falls:
         thrown = 1e-3 * math.hypot(*start.velocity_mm_s) if isinstance(start, Start | GivenState) else 0.0
         if isinstance(start, GivenState):

@@ -188,7 +188,7 @@ class MapPlan(Plan):
     def _settle_all(self) -> None:
         for point in self._points if len(self._ledger) else ():
             if point not in self._map_points:
-                self.settle(self.begun(point, self._ledger), self._ledger)
+                self.settle(self.attempt_at(point, self._ledger), self._ledger)
 
     def part(self, number: int, of: int) -> MapPlan:
         return MapPlan(self._question, self._scenario, self._points[number - 1 :: of])
@@ -207,7 +207,7 @@ class MapPlan(Plan):
     def share_done(self) -> float:
         return len(self._map_points) / len(self._points)
 
-    def begun(self, point: tuple[float, float], ledger: Ledger) -> Attempt:
+    def attempt_at(self, point: tuple[float, float], ledger: Ledger) -> Attempt:
         """A point at its begin: with its probe first where the throw number is small."""
         slow = throw_number(*point) < PROBED
         scenario = _probe(self._scenario, *point) if slow else self._full_scenario(point)
@@ -264,7 +264,7 @@ class MapTasks:
                 return attempt, Task(attempt.case.scenario, attempt.case.identity, handed)
         while self._remaining:
             point = self._remaining.popleft()
-            trial = self._plan.settle(self._plan.begun(point, self._ledger), self._ledger)
+            trial = self._plan.settle(self._plan.attempt_at(point, self._ledger), self._ledger)
             if trial is not None:
                 self._in_progress[point] = trial
                 return trial, Task(trial.case.scenario, trial.case.identity, trial.case.hand_out(trial.effort, seeds))

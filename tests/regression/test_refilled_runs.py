@@ -40,7 +40,7 @@ DOCUMENT: dict[str, Any] = {
     "schedule": {"cycles": CYCLES, "prepare": [SHAKE], "stage": [PICKING]},
     "part": [NUTS, PEARLS],
     "refill": {"to": TO, "below": BELOW, "start": HEAP},
-    "robot": {"pick_s": PICK_S, "look_s": LOOK_S},
+    "robot": {"pick_s": PICK_S, "camera_s": LOOK_S},
     "run": RUN,
 }
 

@@ -32,7 +32,7 @@ from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.unclosed_file import closed_head, lookup3
 from feeder_sim.replay.replay import REPLAY, build_replay, timeline_ends
-from feeder_sim.replay.viewer import replay_file, time_shown
+from feeder_sim.replay.viewer import displayed_time, replay_file
 from feeder_sim.run import provenance
 from feeder_sim.run.provenance import library_versions
 from feeder_sim.run.run_folder import SUMMARY, record_run, resume_run, scenario_toml
@@ -364,8 +364,8 @@ def test_no_time_beyond_the_record_is_shown(tmp_path: Path) -> None:
     shown = [("crowd", 5.0, False), ("crowd", 9.0, True), ("ball", 0.5, True), ("ball", float("nan"), False)]
     for name, at, slow in shown:
         with pytest.raises(InputError, match="--slow-motion" if (name, slow) == ("ball", True) else "--at: is"):
-            time_shown(tmp_path / name, at, slow=slow)
-    assert time_shown(tmp_path / "crowd", 5.0, slow=True) == 5.0
-    assert time_shown(tmp_path / "crowd", None) == 1.0 and time_shown(tmp_path / "crowd", None, seed=1) < 1.0
+            displayed_time(tmp_path / name, at, slow=slow)
+    assert displayed_time(tmp_path / "crowd", 5.0, slow=True) == 5.0
+    assert displayed_time(tmp_path / "crowd", None) == 1.0 and displayed_time(tmp_path / "crowd", None, seed=1) < 1.0
     refused = feeder_sim("replay", tmp_path / "ball", "--screenshot", tmp_path / "s.png", "--at", 4)
     check_refused(refused, "--at: is 4, must be 0 to 2.99", "seed 0 is recorded for 2.99")

@@ -13,7 +13,7 @@ from conftest import REPOSITORY
 
 from feeder_sim.app.draft import Draft
 from feeder_sim.app.guarded import put_in
-from feeder_sim.app.motion import DRIFT, Motion, modes_shown
+from feeder_sim.app.motion import DRIFT, Motion, displayed_modes
 from feeder_sim.app.runs import Runs
 from feeder_sim.cli.app import opened
 from feeder_sim.errors import InputError
@@ -62,7 +62,7 @@ def test_what_cannot_be_changed_is_said(text: str, key: str) -> None:
 
 
 def test_the_motion_is_that_of_the_modes_and_drifts_to_where_it_is_small() -> None:
-    motion = Motion(modes_shown(load_scenario(EXAMPLE)))
+    motion = Motion(displayed_modes(load_scenario(EXAMPLE)))
     best = rank_modes(motion.mode_file, 30.0, None)[0]
     q = motion.driven(best.frequency, 60.0, ["a"])
     assert abs(q[best.mode]) == pytest.approx(best.antinode, rel=1e-9)
@@ -81,9 +81,9 @@ def test_the_motion_is_that_of_the_modes_and_drifts_to_where_it_is_small() -> No
 )
 def test_a_dragged_patch_drives_about_as_one_that_is_put_there(at: tuple[float, float]) -> None:
     scenario = load_scenario(EXAMPLE)
-    motion = Motion(modes_shown(scenario))
+    motion = Motion(displayed_modes(scenario))
     motion.learn(scenario)
-    there = Motion(modes_shown(scenario.changed({"plate.actuator[0].at_mm": list(at)})))
+    there = Motion(displayed_modes(scenario.changed({"plate.actuator[0].at_mm": list(at)})))
     followed, put = np.abs(motion.moved(0, (1e-3 * at[0], 1e-3 * at[1]))[:, 0]), np.abs(there.forces[:, 0])
     assert np.linalg.norm(followed) == pytest.approx(np.linalg.norm(put), rel=0.1)
     most = put.argsort()[-10:]
@@ -92,7 +92,7 @@ def test_a_dragged_patch_drives_about_as_one_that_is_put_there(at: tuple[float, 
 
 def test_a_measured_gain_gives_the_amplitude_of_the_run() -> None:
     scenario = load_scenario(REPOSITORY / "scenarios/separation_100.toml")
-    motion = Motion(modes_shown(scenario))
+    motion = Motion(displayed_modes(scenario))
     for drive in prepare(scenario).scene.drives:
         mode = int(np.abs(motion.oscillators.natural_frequency - drive.drive_frequency).argmin())
         assert motion.measured(mode, 120.0) == pytest.approx(drive.steady_amplitude, rel=0.02)
@@ -101,7 +101,7 @@ def test_a_measured_gain_gives_the_amplitude_of_the_run() -> None:
 
 def test_plates_without_modes_are_said_to_have_none() -> None:
     with pytest.raises(InputError, match=r"plate\.kind"):
-        modes_shown(load_scenario(REPOSITORY / "scenarios/linear_feeder.toml"))
+        displayed_modes(load_scenario(REPOSITORY / "scenarios/linear_feeder.toml"))
 
 
 def test_files_that_are_put_in_have_names_of_their_own(tmp_path: Path) -> None:
@@ -121,20 +121,20 @@ def test_a_run_that_fails_says_why_and_one_that_is_stopped_keeps_its_folder(tmp_
     runs = Runs()
     failed = runs.start("[plate]\n", tmp_path / "s.toml", tmp_path / "failed")
     failed.process.join(60.0)
-    assert failed.look().ended == "failed" and "plate" in failed.words
+    assert failed.poll().ended == "failed" and "plate" in failed.words
     text = EXAMPLE.read_text(encoding="utf-8").replace("seeds = 16", "seeds = 2000")
     long = runs.start(text, EXAMPLE, tmp_path / "long")
-    while long.look().done == 0.0 and not long.ended:
+    while long.poll().done == 0.0 and not long.ended:
         long.process.join(0.1)
     runs.stop_all()
-    assert long.look().ended == "stopped" and (tmp_path / "long/trajectory.h5").is_file()
+    assert long.poll().ended == "stopped" and (tmp_path / "long/trajectory.h5").is_file()
 
 
 def test_a_run_whose_process_is_killed_has_ended(tmp_path: Path) -> None:
     run = Runs().start(EXAMPLE.read_text(encoding="utf-8"), EXAMPLE, tmp_path / "killed")
     run.process.kill()
     run.process.join(60.0)
-    assert run.look().ended == "failed" and "ended by itself" in run.words
+    assert run.poll().ended == "failed" and "ended by itself" in run.words
 
 
 def test_an_example_is_copied_once_and_a_file_of_ones_own_is_taken_where_it_is(

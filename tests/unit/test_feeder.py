@@ -55,7 +55,7 @@ def scenario(**changes: Any) -> Scenario:
 
 def with_refill() -> Scenario:
     schedule = Schedule(stage=(Stage(name="out", drive=(OUT,), duration_s=0.05),), by_hand=True)
-    return scenario(schedule=schedule, refill=Refill(), robot=Robot(look_s=1.0, pick_s=0.5))
+    return scenario(schedule=schedule, refill=Refill(), robot=Robot(camera_s=1.0, pick_s=0.5))
 
 
 def same(one: Frames, other: Frames) -> bool:
@@ -105,7 +105,7 @@ def test_the_plate_rings_on_from_one_stage_into_the_next() -> None:
     feeder = Feeder(scenario())
     feeder.vibrate("out")
     feeder.vibrate(duration_s=np.float32(0.02))
-    scene = feeder.scene.begun(2)
+    scene = feeder.scene.up_to_stage(2)
     ringing = abs(scene.surface.terms.phasor(feeder.scene.times.stages[1].start, 2)[0])
     assert ringing[0] > 1e-6  # of 2 um
     assert ringing[1] == 0.0

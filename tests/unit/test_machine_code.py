@@ -25,7 +25,7 @@ from conftest import REPOSITORY
 
 from feeder_sim.engines.impulse import state
 from feeder_sim.machine_code import compiled, inlined, jit, overload
-from feeder_sim.machine_code.jit import FOLDERS_KEPT, LIBRARIES, PARTS, callable_from_python, code_key
+from feeder_sim.machine_code.jit import LIBRARIES, MOST_FOLDERS, PARTS, callable_from_python, code_key
 from feeder_sim.machine_code.key import LENGTH, key_of
 
 # Two more files for the copy: what Python calls is in one of them, what that calls in the other.
@@ -306,7 +306,7 @@ def test_states_used_last_are_kept(copy: Copy) -> None:
         if factor > 2:
             copy.edit("inner.py", f"return {factor - 1} * x", f"return {factor} * x")
         assert copy.call(3)[0] == expected(3, factor=factor)
-    assert len([file for file in copy.files() if file.suffix == ".nbi"]) == 2 * jit.STATES_KEPT
+    assert len([file for file in copy.files() if file.suffix == ".nbi"]) == 2 * jit.MOST_STATES
 
 
 def test_the_key_of_machine_code_changes_with_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -320,7 +320,7 @@ def test_the_key_of_machine_code_changes_with_libraries(monkeypatch: pytest.Monk
 
 
 def test_folders_used_last_are_kept(tmp_path: Path) -> None:
-    names = [f"{i:0{LENGTH}x}" for i in range(FOLDERS_KEPT + 3)]  # the first is the youngest
+    names = [f"{i:0{LENGTH}x}" for i in range(MOST_FOLDERS + 3)]  # the first is the youngest
     others = ["mine", "a" * (LENGTH + 1)]
     for name in [*names, *others]:
         (tmp_path / name / "below").mkdir(parents=True)
@@ -328,7 +328,7 @@ def test_folders_used_last_are_kept(tmp_path: Path) -> None:
         os.utime(tmp_path / name, 2 * (time.time() - age,))
     (tmp_path / ("f" * LENGTH)).write_text("a file")
     jit.remove_old_folders(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {*names[:FOLDERS_KEPT], *others, "f" * LENGTH}
+    assert {path.name for path in tmp_path.iterdir()} == {*names[:MOST_FOLDERS], *others, "f" * LENGTH}
 
 
 def test_a_folder_that_is_in_use_is_young(copy: Copy) -> None:
@@ -336,10 +336,10 @@ def test_a_folder_that_is_in_use_is_young(copy: Copy) -> None:
     copy.call(3)
     (folder,) = (copy.cache / "machine_code").iterdir()
     os.utime(folder, (0, 0))
-    for i in range(FOLDERS_KEPT + 2):
+    for i in range(MOST_FOLDERS + 2):
         (folder.parent / f"{i:0{LENGTH}x}").mkdir()
     assert copy.call(3)[1] == 0
-    assert folder.exists() and len(list(folder.parent.iterdir())) == FOLDERS_KEPT
+    assert folder.exists() and len(list(folder.parent.iterdir())) == MOST_FOLDERS
 
 
 @pytest.mark.parametrize("place", ["file", pytest.param("file/below", marks=pytest.mark.slow)])

@@ -249,7 +249,7 @@ def test_done_points_are_kept_and_others_added(tmp_path: Path) -> None:
     asked(first, scenario, swept.Pretended(), tmp_path / "s")
     found = asked(more, scenario, again, tmp_path / "s")
     assert sorted(again.seeds) == [(amplitude, seed) for amplitude in (1.0, 2.0) for seed in (4, 5)]
-    assert [row.found.n for row in found.valued("speed")] == [6, 6]
+    assert [row.statistic.n for row in found.valued("speed")] == [6, 6]
     none = swept.Pretended()
     fewer = asked(first, scenario, none, tmp_path / "s")
     assert not none.seeds and [row.seeds for row in fewer.valued("speed")] == [6, 6]

@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist, pdist
 
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Ball, Heap, HexNut, Placed, Scattered, Scenario, load_scenario, parse_scenario
-from feeder_sim.scene.refill import refill, refill_frames, wanted
+from feeder_sim.scene.refill import refill, refill_count, refill_frames
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.start import generator, next_parts, start_poses
 
@@ -148,8 +148,8 @@ def test_at_the_start_there_are_as_many_as_a_refill_is_to() -> None:
 
 def test_when_and_how_many() -> None:
     scene = scene_of(nuts(10), filled={"to": 8, "below": 5})
-    assert [wanted(scene, n) for n in (0, 4, 5, 8)] == [8, 4, 0, 0]
-    assert [wanted(scene_of(nuts(10), filled={}), n) for n in (0, 9, 10)] == [10, 1, 0]
+    assert [refill_count(scene, n) for n in (0, 4, 5, 8)] == [8, 4, 0, 0]
+    assert [refill_count(scene_of(nuts(10), filled={}), n) for n in (0, 9, 10)] == [10, 1, 0]
     assert refill_frames(scene) == {scene.frame_at(0.1): 1, scene.frame_at(0.2): 2}  # not after the last cycle
     assert refill_frames(scene_of(nuts(10), filled=None)) == {}
 

@@ -233,7 +233,7 @@ def test_plots_draw_what_the_result_holds(run: Path) -> None:
     ways = [points(line) for line in opened.plot.drift().lines if len(points(line)) > 2]
     cell = opened.prepared.cell
     assert cell is not None
-    assert [way[-1, 1] for way in ways[:2]] == [cell.way(frames)[-1] for frames in opened.trajectories]
+    assert [way[-1, 1] for way in ways[:2]] == [cell.distance_to_node(frames)[-1] for frames in opened.trajectories]
     assert [line.get_label() for line in opened.plot.drift().lines][-1] == "mean of 2 seeds"
     assert refusal(opened.plot.path, 2) == "seed: is 2, must be 0 to 1"
     assert refusal(opened.plot.separation).startswith("separation: is not measured")

@@ -51,8 +51,8 @@ def test_the_best_is_found_and_checked_with_fresh_seeds_and_losers_are_stopped_e
     stopped = [trial for trial in found.trials if trial.stopped]
     assert len(stopped) >= len(found.trials) // 3
     assert all(trial.seeds < AIM.seeds for trial in stopped)
-    best = max(trial.found.mean for trial in found.trials if trial.is_whole(AIM))
-    assert not [t for t in stopped if not math.isnan(t.found.mean) and 10 - (t.point[AMPLITUDE] - 3.0) ** 2 > best]
+    best = max(trial.statistic.mean for trial in found.trials if trial.is_whole(AIM))
+    assert not [t for t in stopped if not math.isnan(t.statistic.mean) and 10 - (t.point[AMPLITUDE] - 3.0) ** 2 > best]
     assert executor.count < 0.8 * (8 * 48 + 32 + 4 * 8)
 
 

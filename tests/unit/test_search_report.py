@@ -60,7 +60,7 @@ def test_page_of_a_search(tmp_path: Path, coarse: None) -> None:
     assert told["kind"] == "optimise" and told["pictures"] == 2
     text = (tmp_path / "s/report.html").read_text(encoding="utf-8")
     page = checked(text)
-    mean, (low, _), present = found.gain.mean, found.gain.interval, found.present.found
+    mean, (low, _), present = found.gain.mean, found.gain.interval, found.present.statistic
     amplitude = found.best.point[AMPLITUDE]
     winner = next(trial.number for trial in found.trials if trial.point == found.best.point)
     for expected in (
@@ -88,8 +88,8 @@ def test_what_is_read_is_what_was_found(tmp_path: Path) -> None:
     assert [(row.number, row.seeds, row.stopped, row.refused, row.point) for row in read.trials] == [
         (row.number, row.seeds, row.stopped, row.refused, row.point) for row in found.trials
     ]
-    means = [row.found.mean for row in found.trials]
-    assert [row.found.mean for row in read.trials] == pytest.approx(means, nan_ok=True)
+    means = [row.statistic.mean for row in found.trials]
+    assert [row.statistic.mean for row in read.trials] == pytest.approx(means, nan_ok=True)
     assert read.leader is not None and found.best is not None and read.leader.point == found.best.point
     assert read.warnings == found.warnings
 

@@ -37,7 +37,7 @@ def test_real_seeds_are_those_of_simulate() -> None:
         swept = sweep(scenario, {AMPLITUDE: [0.5, 1.0]}, executor=pool, workers=1)
     for row in swept.valued("drift_velocity_x_mm_s"):
         found = simulate(scenario.changed(row.point)).measures()["drift_velocity_x_mm_s"]
-        assert (row.found.mean, row.found.se, row.found.n) == (found["mean"], found["se"], 2)
+        assert (row.statistic.mean, row.statistic.se, row.statistic.n) == (found["mean"], found["se"], 2)
 
 
 def test_a_broken_executor_loses_nothing() -> None:

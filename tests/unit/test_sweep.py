@@ -107,7 +107,7 @@ def test_draws_of_uncertain_inputs_have_seeds_of_their_own() -> None:
     executor = Pretended()
     swept = asked(over(f"{AMPLITUDE}=1,2", inputs=4), scenario, executor)
     assert sorted(executor.seeds) == [(a, seed) for a in (1.0, 2.0) for seed in range(8)]
-    assert [row.found.n for row in swept.valued("speed")] == [8, 8] and swept.uncertain
+    assert [row.statistic.n for row in swept.valued("speed")] == [8, 8] and swept.uncertain
     for vary in ("contact.friction=0.2,0.3", "contact={ friction = 0.2 },{ friction = 0.3 }"):
         with pytest.raises(InputError, match=r"is varied, but also \[uncertain\]"):
             over(vary).plan(scenario, Path("scenario"))
@@ -118,10 +118,10 @@ def test_draws_of_uncertain_inputs_have_seeds_of_their_own() -> None:
 def test_more_seeds_where_the_interval_is_wide_fewer_where_nothing_happens() -> None:
     plan = plan_of(over(f"{AMPLITUDE}=0.5,1,4", seeds=8, until_se=0.03, measure="speed"), Pretended())
     rows = {rows[0].point[AMPLITUDE]: rows[0] for rows in plan.cases.rows}
-    assert rows[0.5].found.n == 0
+    assert rows[0.5].statistic.n == 0
     nothing, sure, scattered = [len(case.done) for case in plan.cases]
     assert (nothing, sure) == (4, 8) and scattered > 30
-    assert 0.01 < rows[4].found.se / rows[4].found.mean <= 0.03  # and not many more than it takes
+    assert 0.01 < rows[4].statistic.se / rows[4].statistic.mean <= 0.03  # and not many more than it takes
 
 
 @pytest.mark.parametrize("seeds", [1, 2, 5])
@@ -143,7 +143,7 @@ def test_few_values_that_happen_to_lie_together_do_not_end_a_point(
     case = Case(strip_scenario(), "")
     for seed in reversed(range(len(values))):  # the order in which seeds come back does not matter
         case.take((SeedValues(seed, {"speed": values[seed]}, 0.1),))
-    assert case.wanted(Effort(seeds, 0.03, 1000, "speed")) == wanted
+    assert case.target(Effort(seeds, 0.03, 1000, "speed")) == wanted
 
 
 def test_points_that_do_not_get_there_are_counted() -> None:
@@ -173,7 +173,7 @@ def test_points_without_any_value_have_a_row() -> None:
     first.take((SeedValues(0, {"speed": 1.0}, 0.1), SeedValues(1, {"speed": math.nan}, 0.1)))
     second.take((SeedValues(0, {}, 0.1, "no room"), SeedValues(1, {}, 0.1, "no room")))
     rows = plan.study(False, 0).at_every_point("speed")  # type: ignore[attr-defined]
-    counts = [(row.found.n, row.seeds, row.failed, row.without_value) for row in rows]
+    counts = [(row.statistic.n, row.seeds, row.failed, row.without_value) for row in rows]
     assert counts == [(1, 2, 0, 1), (0, 2, 2, 0), (0, 0, 0, 0)]
 
 
@@ -221,15 +221,15 @@ def test_intervals_hold_what_they_say() -> None:
 def test_inputs_that_are_not_told_apart_from_the_seeds_have_no_interval() -> None:
     """Means of draws that scatter less than their seeds let them; not so where nothing scatters at all."""
     unknown = spread_of([[1.0, 5.0], [2.0, 4.5], [0.5, 5.5]])
-    assert unknown.sd_inputs == 0.0 and unknown.sd_seeds > 1.0 and unknown.not_told
+    assert unknown.sd_inputs == 0.0 and unknown.sd_seeds > 1.0 and unknown.separation_reason
     assert math.isnan(unknown.inputs_low) and math.isnan(unknown.inputs_high)
     constant = spread_of([[0.1] * 3] * 4)
-    assert constant.inputs_low == constant.inputs_high == pytest.approx(0.1) and not constant.not_told
+    assert constant.inputs_low == constant.inputs_high == pytest.approx(0.1) and not constant.separation_reason
     known = spread_of([[1.0, 1.1], [2.0, 2.1], [3.0, 3.1]])
     words = known.of_runs, known.of_means  # 5/7 and 2/4: the least and the largest
     assert words == ("71 % of runs", "50 % of means")
-    assert known.is_told and not known.not_told
-    assert not spread_of([[1.0], [2.0]]).not_told  # one seed each tells nothing
+    assert known.is_separated and not known.separation_reason
+    assert not spread_of([[1.0], [2.0]]).separation_reason  # one seed each tells nothing
     spreads = enumerate((known, unknown, unknown, known))
     rows = [Row({"a": place}, "m", Statistic.of([3.0, 3.5]), 2, 0, spread) for place, spread in spreads]
     table = csv_bytes(["a", *COLUMNS, *UNCERTAIN_COLUMNS], [row.as_dict() for row in rows]).decode().splitlines()

@@ -184,7 +184,7 @@ def test_sweep_with_uncertain_inputs_counts_draws(tmp_path: Path, coarse: None) 
     assert feeder_sim("report", folder).returncode == 0
     text = checked((folder / "report.html").read_text(encoding="utf-8")).text
     row = study.rows[0]
-    mean, se = with_error(row.found.mean, row.found.se)
+    mean, se = with_error(row.statistic.mean, row.statistic.se)
     over = f"{number(row.spread.inputs_low)} to {number(row.spread.inputs_high)} {number(row.spread.sd_inputs, 2)}"
     assert f"1 {mean} {se}" in text and f"{over} {number(row.spread.sd_seeds, 2)} 12 12 0" in text
     assert "The band is the 90 % interval over the inputs" in text and "--inputs 3" in text

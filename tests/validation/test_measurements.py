@@ -43,7 +43,7 @@ def mid_path_speed(result: Result) -> Statistic:
     for frames in result.trajectories:
         speed = transport_speed(frames, cell, start=0.6, end=0.4)
         if not np.isfinite(speed):
-            way = cell.way(frames)
+            way = cell.distance_to_node(frames)
             speed = (way[0] - way[-1]) * cell.reach / frames.time[-1]
         speeds.append(speed * 1e3)
     return Statistic.of(speeds)

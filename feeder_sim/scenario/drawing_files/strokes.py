@@ -30,7 +30,7 @@ MISSPELT = re.compile(r"(?:outlines?|holes?|patch(?:es)?|foot|feet)[\W\d_]*", re
 ALIKE = 0.8  # as difflib counts: names this near to that of a layer are taken for misspelt
 LONGEST_NAME, MOST_LETTERS = 40, 400  # of a name that may be misspelt, and of one that is looked at
 ROUND = 1e-3  # sagitta over radius, at most: so that small circles have their area within 0.2 %
-NAMES_SHOWN = 3  # of other layers, in the account
+MOST_NAMES = 3  # of other layers, in the account
 
 Points = NDArray[np.float64]
 
@@ -161,8 +161,8 @@ class Account:
         ignored = [f"{count} {rule}" for rule, count in self.ignored.items()]
         if self.foreign_layers:
             names = [printable(shortened(name, 24)) for name in sorted(self.foreign_layers)]
-            more = f" and {len(names) - NAMES_SHOWN} more" if len(names) > NAMES_SHOWN else ""
-            ignored.append(f"{self.foreign_layers.total()} in other layers ({', '.join(names[:NAMES_SHOWN])}{more})")
+            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+            ignored.append(f"{self.foreign_layers.total()} in other layers ({', '.join(names[:MOST_NAMES])}{more})")
         return f"{self.path.name}: {self.strokes.total()} taken ({per_layer}), ignored {'; '.join(ignored) or 'none'}"
 
 

@@ -289,8 +289,8 @@ def charted(
         error_se = 0.0 if is_reference else math.hypot(_se(value), _se(right))
         failed = sum(bool(seed.failure) for seed in seeds)
         fails = bool(failed) or value.n < MOST_HAVE * len(seeds)
-        unsure = _se(value) if is_reference else error_se
-        verdict = "fails" if fails else _verdict(error, unsure, abs(right.mean) * question.within)
+        own_se = _se(value) if is_reference else error_se
+        verdict = "fails" if fails else _verdict(error, own_se, abs(right.mean) * question.within)
         of_measure = value.mean, value.se, value.n, len(seeds), failed, error, error_se, wall[i], wall[i] / usual
         rows.append(Row(setting.method, setting.name, *of_measure, verdict, default[i], is_reference))
     problems: dict[str, Any] = {"failures": cases.failures, "warnings": cases.warnings}

@@ -27,7 +27,7 @@ from feeder_sim.studies.drift_map.files import check_made
 Floats = NDArray[np.float64]
 STEP_S = 0.02
 CHECK_INTERVAL_S = 0.04  # between two checks whether a part has settled
-Look = Callable[[float, Floats], bool]  # takes the time [s] and the places (n, 2) [m], NaN of lost parts; True: enough
+Observer = Callable[[float, Floats], bool]  # takes time [s] and places (n, 2) [m], NaN of lost parts; True: enough
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def walk(
     rng: np.random.Generator,
     *,
     step: float = STEP_S,
-    look: Look | None = None,
+    observer: Observer | None = None,
 ) -> Walked:
     """Let parts walk through the schedule of a scenario, or under its drives, each as if it were alone.
 
@@ -112,7 +112,7 @@ def walk(
         points: places at the start (n, 2) [m].
         rng: of the noise.
         step: of time [s].
-        look: takes time and places after every step, and says when to end; only without stages that end when parts
+        observer: takes time and places after every step, and says when to end; only without stages that end when parts
             have settled.
 
     Raises:
@@ -120,7 +120,7 @@ def walk(
     """
     scene = prepared.scene
     check_made(drift_map, prepared.scenario, scene.surface.thickness)
-    if look is not None and any(stage.until for stage in scene.times.stages):
+    if observer is not None and any(stage.until for stage in scene.times.stages):
         raise ValueError("parts of stages that end when they have settled have no time in common")
     modes: list[Mode] = []
     for key, excitation in zip((key for key, _ in prepared.scenario.excitations), scene.driven, strict=True):
@@ -130,7 +130,7 @@ def walk(
         modes.append(Mode.of(drift_map, scene.surface, drive.shape, drive.drive_frequency))
         if excitation.followers:
             raise InputError("moves other modes too, must be one mode with a drift map", key=f"{key}.modes")
-    walkers = _Walkers(drift_map, scene, np.array(points, float), rng, step, look)
+    walkers = _Walkers(drift_map, scene, np.array(points, float), rng, step, observer)
     total, durations, before = np.zeros(len(points)), [], None
     for number, stage in enumerate(scene.times.stages):
         if len(stage.excitations) > 1:
@@ -202,9 +202,9 @@ class _Walkers:
         points: Floats,
         rng: np.random.Generator,
         step: float,
-        look: Look | None,
+        observer: Observer | None,
     ) -> None:
-        self._map, self._scene, self._rng, self._step, self._look = drift_map, scene, rng, step, look
+        self._map, self._scene, self._rng, self._step, self._observer = drift_map, scene, rng, step, observer
         self._lines = stage_lines(scene) if any(stage.until for stage in scene.times.stages) else None
         self.points, self.enough, self._clock = points, False, 0.0
 
@@ -247,8 +247,8 @@ class _Walkers:
             places = advance(self._map, *moved, self.points[now], step, self._rng)
             self.points[now] = np.where(_on_plate(self._scene.surface, places)[:, None], places, np.nan)
         self._clock += step
-        if self._look is not None:
-            self.enough = self._look(self._clock, self.points)
+        if self._observer is not None:
+            self.enough = self._observer(self._clock, self.points)
 
 
 def _on_plate(surface: Surface, points: Floats) -> NDArray[np.bool_]:

@@ -151,7 +151,7 @@ class TrialRow:
     Attributes:
         number: of the trial.
         point: its values.
-        found: the measure over its seeds; none where one of them has no value, as such a recipe does not count.
+        statistic: of the measure over its seeds; none where one of them has no value, as such a recipe does not count.
         seeds: that it has had.
         stopped: whether it was given up before it had all its seeds.
         refused: why the recipe does not count: it is not allowed, or a seed has no value; "" where it does.
@@ -159,21 +159,21 @@ class TrialRow:
 
     number: int
     point: Point
-    found: Statistic
+    statistic: Statistic
     seeds: int
     stopped: bool
     refused: str = ""
 
     @property
-    def became(self) -> str:
+    def outcome(self) -> str:
         """What became of it, in words."""
-        if math.isnan(self.found.mean):
+        if math.isnan(self.statistic.mean):
             return "without value" if self.seeds else "refused"
         return "stopped early" if self.stopped else "all seeds"
 
     def is_whole(self, aim: Aim) -> bool:
         """Whether it has all its seeds, and a value in each."""
-        return self.seeds == aim.seeds and not math.isnan(self.found.mean)
+        return self.seeds == aim.seeds and not math.isnan(self.statistic.mean)
 
     @staticmethod
     def of(trial: Trial, aim: Aim) -> TrialRow:
@@ -256,7 +256,7 @@ class Search(Study):
         """The best mean up to each trial, of those that have all their seeds; NaN before the first of them."""
 
         def better(best: float, trial: TrialRow) -> float:
-            mean = trial.found.mean
+            mean = trial.statistic.mean
             return mean if trial.is_whole(self.aim) and self.aim.better(mean, best) else best
 
         return list(itertools.accumulate(self.trials, better, initial=math.nan))[1:]
@@ -275,7 +275,7 @@ class Search(Study):
     def first(self) -> TrialRow | None:
         """The trial with the best mean, of those that have all their seeds."""
         pick = max if self.aim.largest else min
-        return pick(self._complete_trials, key=lambda trial: trial.found.mean, default=None)
+        return pick(self._complete_trials, key=lambda trial: trial.statistic.mean, default=None)
 
     @property
     def leader(self) -> TrialRow | None:
@@ -305,7 +305,7 @@ class Search(Study):
     def table(self) -> list[Record]:
         """A row per trial."""
         return [
-            {"trial": row.number, **labels(row.point), "mean": row.found.mean, "se": row.found.se}
+            {"trial": row.number, **labels(row.point), "mean": row.statistic.mean, "se": row.statistic.se}
             | {"seeds": row.seeds, "stopped": row.stopped, "refused": row.refused}
             for row in self.trials
         ]
@@ -344,8 +344,8 @@ class Search(Study):
             if end := parameter.end_near(best[parameter.key]) if parameter.key in best else "":
                 where = f"{parameter.key} of the best recipe lies at the {end} end of its range"
                 yield Text(f"{where}: a wider one may hold a better recipe", "warning")
-        for became, what in (("without value", "a seed without a value"), ("refused", "values not allowed together")):
-            if refused := [trial.refused for trial in self.trials if trial.became == became]:
+        for outcome, what in (("without value", "a seed without a value"), ("refused", "values not allowed together")):
+            if refused := [trial.refused for trial in self.trials if trial.outcome == outcome]:
                 why = f"{len(refused)} recipes have {what} and do not count, mostly: {most_frequent(refused)}"
                 yield Text(why, "note")
         if self.best:
@@ -358,7 +358,7 @@ class Search(Study):
             lines.append(labelled("without a value", f"{len(why)}, mostly: {most_frequent(why)}"))
         for label, checked in (("as it is", self.present), ("best", self.best)):
             if checked is not None:
-                statistic = checked.found
+                statistic = checked.statistic
                 value = f"{statistic.mean:.4g} +- {statistic.se:.2g}" if statistic.n > 1 else "in one seed at most"
                 of = f"{statistic.n} of {len(checked.values)} fresh seeds"
                 lines.append(labelled(label, f"{self.aim.measure} {value}, {of}"))
@@ -421,7 +421,7 @@ class Search(Study):
         for name, (point, check) in checked.items():
             if check is not None:
                 values = labels({key: (check.point or point).get(key) for key in self.keys})
-                rows.append({"recipe": name, **values, **check.found.as_dict()})
+                rows.append({"recipe": name, **values, **check.statistic.as_dict()})
         return rows or self.table()
 
 

@@ -64,7 +64,7 @@ class Checked:
     warnings: tuple[str, ...] = ()
 
     @property
-    def found(self) -> Statistic:
+    def statistic(self) -> Statistic:
         """Over the seeds that have a value."""
         return Statistic.of(self.values)
 
@@ -75,7 +75,7 @@ class Checked:
 
     def as_json(self) -> dict[str, Any]:
         """As JSON takes it: `n` of the seeds have a value."""
-        return self.found.as_dict() | {"seeds": len(self.values), "warnings": list(self.warnings)}
+        return self.statistic.as_dict() | {"seeds": len(self.values), "warnings": list(self.warnings)}
 
 
 @dataclass

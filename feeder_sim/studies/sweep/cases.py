@@ -64,7 +64,7 @@ class Case:
             own, so that their scatter is independent.
         done: what has come back, by seed.
         times: as many seeds as other cases have, where none are run until a standard error is reached.
-        kept: how many of its seeds were there before, and count whatever is asked for now.
+        retained: how many of its seeds were there before, and count whatever is asked for now.
     """
 
     scenario: Scenario
@@ -74,21 +74,21 @@ class Case:
     stride: int = 1
     done: dict[int, SeedValues] = field(default_factory=dict)
     times: int = 1
-    kept: int = 0
+    retained: int = 0
     _handed: set[int] = field(default_factory=set)
 
     def seed_numbers(self, count: int) -> range:
         """The first so many seeds of the case."""
         return range(self.first, self.first + self.stride * count, self.stride)
 
-    def wanted(self, effort: Effort) -> int:
+    def target(self, effort: Effort) -> int:
         """How many seeds the case should have, by those of them that are done; the order they came in does not matter.
 
         Those that were there before are not given up.
         """
-        return max(self.asked(effort), self.kept)
+        return max(self.requested_seeds(effort), self.retained)
 
-    def asked(self, effort: Effort) -> int:
+    def requested_seeds(self, effort: Effort) -> int:
         """How many seeds the effort asks for.
 
         Where nothing happens, as no part arrives or every seed has the same value, the first few are enough.
@@ -127,20 +127,20 @@ class Case:
         """Whether it has all seeds that it may have, and still a larger standard error than it should."""
         if effort.until_se is None or not self.is_done(effort):
             return False
-        count = self.wanted(effort)
+        count = self.target(effort)
         statistic = Statistic.of(self.values(effort.measure, count))
         return not _nothing_happens(statistic, count) and not self._is_sure(statistic, effort)
 
     def hand_out(self, effort: Effort, most: int) -> tuple[int, ...]:
         """Up to so many seeds that are to be run next."""
-        requested = self.seed_numbers(self.wanted(effort))
+        requested = self.seed_numbers(self.target(effort))
         missing = [seed for seed in requested if seed not in self.done and seed not in self._handed][:most]
         self._handed.update(missing)
         return tuple(missing)
 
     def is_done(self, effort: Effort) -> bool:
         """Whether all seeds that are wanted have come back."""
-        return all(seed in self.done for seed in self.seed_numbers(self.wanted(effort)))
+        return all(seed in self.done for seed in self.seed_numbers(self.target(effort)))
 
     def take(self, seeds: tuple[SeedValues, ...]) -> None:
         for seed in seeds:
@@ -152,11 +152,11 @@ class Case:
         count = 0
         while self.first + self.stride * count in self.done:
             count += 1
-        self.kept = count
+        self.retained = count
 
     def seeds(self, effort: Effort) -> list[SeedValues]:
         """The seeds that count, in order: those wanted, whatever else has been run before."""
-        return [self.done[seed] for seed in self.seed_numbers(self.wanted(effort)) if seed in self.done]
+        return [self.done[seed] for seed in self.seed_numbers(self.target(effort)) if seed in self.done]
 
     def values(self, measure: str, count: int) -> list[float]:
         """What the first so many seeds have of a measure; NaN where there is none."""
@@ -253,7 +253,7 @@ class Cases:
     @property
     def missing(self) -> int:
         """Seeds that are still to be run, as far as is known by now."""
-        return sum(case.wanted(self.effort) - len(case.seeds(self.effort)) for case in self)
+        return sum(case.target(self.effort) - len(case.seeds(self.effort)) for case in self)
 
     @property
     def short(self) -> int:
@@ -261,9 +261,9 @@ class Cases:
         return sum(any(case.falls_short(self.effort) for case in row) for row in self.cases)
 
     @property
-    def kept(self) -> int:
+    def retained(self) -> int:
         """Points that keep more seeds than were asked for, since they had been run before."""
-        return sum(any(case.kept > case.asked(self.effort) for case in row) for row in self.cases)
+        return sum(any(case.retained > case.requested_seeds(self.effort) for case in row) for row in self.cases)
 
     @property
     def failures(self) -> list[str]:
@@ -288,7 +288,7 @@ class SweepTasks:
     def __init__(self, cases: Cases, record: Callable[[str, Point, SeedValues], None]) -> None:
         self._effort, self._record, self._in_turn = cases.effort, record, cases.in_turn
         self._open = deque(cases)  # those that may have something to hand out
-        self._requested = sum(case.wanted(self._effort) for case in cases)
+        self._requested = sum(case.target(self._effort) for case in cases)
         self._completed = sum(len(case.seeds(self._effort)) for case in cases)
 
     def next(self, seeds: int) -> tuple[Case, Task] | None:
@@ -302,11 +302,11 @@ class SweepTasks:
         return None
 
     def take(self, place: Case, done: tuple[SeedValues, ...]) -> None:
-        before = place.wanted(self._effort), len(place.seeds(self._effort))
+        before = place.target(self._effort), len(place.seeds(self._effort))
         place.take(done)
-        self._requested += place.wanted(self._effort) - before[0]
+        self._requested += place.target(self._effort) - before[0]
         self._completed += len(place.seeds(self._effort)) - before[1]
-        if place.wanted(self._effort) > before[0]:
+        if place.target(self._effort) > before[0]:
             self._open.appendleft(place)
         for seed in done:
             check_measure(self._effort.measure, seed.values)

@@ -130,8 +130,8 @@ class Sweep(Study):
         complete: whether all of it is done.
         missing: seeds that are still to be run, as far as is known.
         short: points that have all seeds they may have, and not the standard error that was asked for.
-        kept: points that keep more seeds than were asked for, since they had been run before.
-        others: seeds in the folder that do not count: of other points, of another version, of files that have changed.
+        retained: points that keep more seeds than were asked for, since they had been run before.
+        foreign_seeds: in the folder, that do not count: of other points, another version, or changed files.
         failures: why seeds have failed, each reason once, with the first point where it is so.
         warnings: settings that are known to mislead, each once, with the number of points where it holds.
     """
@@ -145,17 +145,17 @@ class Sweep(Study):
     complete: bool
     missing: int = 0
     short: int = 0
-    kept: int = 0
-    others: int = 0
+    retained: int = 0
+    foreign_seeds: int = 0
     failures: Sequence[str] = ()
     warnings: Sequence[RepeatedWarning] = ()
 
     @staticmethod
     def from_cases(question: SweepQuestion, scenario: Scenario, cases: Cases, complete: bool, foreign: int) -> Sweep:
         """From the cases at all points."""
-        attributes = {name: getattr(cases, name) for name in ("missing", "short", "kept", "failures", "warnings")}
+        attributes = {name: getattr(cases, name) for name in ("missing", "short", "retained", "failures", "warnings")}
         of_points = cases.points, cases.uncertain, tuple(cases.rows)
-        return Sweep(question, scenario, *of_points, complete, others=foreign, **attributes)
+        return Sweep(question, scenario, *of_points, complete, foreign_seeds=foreign, **attributes)
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -183,7 +183,7 @@ class Sweep(Study):
 
     def valued(self, measure: str) -> list[Row]:
         """The rows of a measure that have a mean."""
-        return [row for row in self.of(measure) if math.isfinite(row.found.mean)]
+        return [row for row in self.of(measure) if math.isfinite(row.statistic.mean)]
 
     def at_every_point(self, measure: str) -> list[Row]:
         """A row for each point, also where it has no value of the measure, or has not begun."""
@@ -254,9 +254,9 @@ class Sweep(Study):
             most = self.question.effort(self.scenario).most_seeds
             text = f"{self.short} {at} have as many seeds as --most-seeds allows, {most}"
             yield Text(f"{text}, and not the standard error of --until-se", "warning")
-        if self.kept:
-            yield Text(f"{self.kept} points keep the seeds that they had, which are more than asked for now")
-        if alone := sum(row.found.n == 1 for row in self.rows):
+        if self.retained:
+            yield Text(f"{self.retained} points keep the seeds that they had, which are more than asked for now")
+        if alone := sum(row.statistic.n == 1 for row in self.rows):
             yield Text(f"{alone} values come from a single seed and have no interval", "warning")
         if points > 1:
             note = "all points have the same random starts, so that differences between them are surer"

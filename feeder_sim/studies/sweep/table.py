@@ -50,14 +50,14 @@ class Row:
 
     point: Point
     measure: str
-    found: Statistic
+    statistic: Statistic
     seeds: int
     failed: int
     spread: Spread | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The row by column; None where there is no value."""
-        statistic = self.found.as_dict()
+        statistic = self.statistic.as_dict()
         row = labels(self.point) | {"measure": self.measure, "mean": statistic["mean"], "se": statistic["se"]}
         row |= {"n": statistic["n"], "seeds": self.seeds, "failed": self.failed}
         return row | (self.spread.as_dict() if self.spread else {})
@@ -65,7 +65,7 @@ class Row:
     @property
     def without_value(self) -> int:
         """Seeds that have run to the end and have no value all the same."""
-        return self.seeds - self.failed - self.found.n
+        return self.seeds - self.failed - self.statistic.n
 
 
 def rows_of(point: Point, draws: Sequence[Sequence[SeedValues]], *, uncertain: bool) -> list[Row]:
@@ -102,7 +102,7 @@ def means_of_some(rows: Sequence[Row]) -> str:
 
 def main_measure(measures: Sequence[str], rows: Sequence[Row]) -> str:
     """The measure to show where none is asked for: the first usual one that has a value anywhere."""
-    valued = {row.measure for row in rows if row.found.n}
+    valued = {row.measure for row in rows if row.statistic.n}
     usual = [name for name in MAIN if name in valued]
     return next(iter(usual or [name for name in measures if name in valued] or measures), "")
 

@@ -89,14 +89,14 @@ class Spread:
         return f"{_percent(self.draws)} of means"
 
     @property
-    def is_told(self) -> bool:
+    def is_separated(self) -> bool:
         """Whether there is an interval over the inputs."""
         return math.isfinite(self.inputs_low)
 
     @property
-    def not_told(self) -> str:
+    def separation_reason(self) -> str:
         """Why there is no interval over the inputs, in words; "" where there is one, or too little to tell."""
-        return NOT_SEPARATED if self.sd_inputs == 0.0 and not self.is_told else ""
+        return NOT_SEPARATED if self.sd_inputs == 0.0 and not self.is_separated else ""
 
     def as_dict(self) -> dict[str, float | None]:
         """The columns of a table; None where there is no value."""

@@ -226,7 +226,7 @@ class Uncertainty(Study):
             interval = (
                 f"{spread.of_means} {spread.inputs_low:.4g} to {spread.inputs_high:.4g}, SD {spread.sd_inputs:.3g}"
             )
-            lines.append(labelled("over inputs", spread.not_told or interval))
+            lines.append(labelled("over inputs", spread.separation_reason or interval))
             lines.append(labelled("over seeds", f"SD {spread.sd_seeds:.3g} at the same inputs"))
         if measured is not None:
             values = [value for row in self.values(measure) for value in row]
@@ -245,7 +245,7 @@ class Uncertainty(Study):
             more = f"; and {len(causes) - MOST_CAUSES} more" if len(causes) > MOST_CAUSES else ""
             yield Text(f"{len(self.failed)} of {completed} runs failed: {listed}{more}", "failure")
         yield from super().remarks(measure)
-        if self.cases.kept:
+        if self.cases.retained:
             yield Text("draws keep the seeds that they had, which are more than asked for now", "warning")
         if question.measure and question.measure not in self.measures:
             yield Text(f"no run has a value of {question.measure}, which was asked for", "warning")
@@ -267,7 +267,7 @@ class Uncertainty(Study):
         if n_values < ended:
             why = "as where a part does not come so far in time; the intervals are those of the others"
             yield Text(f"{label}: {ended - n_values} of {ended} runs have no value, {why}", "warning")
-        if spread.not_told:
+        if spread.separation_reason:
             why = "the inputs hardly change it, or more seeds are needed to see it"
             yield Text(f"{label}: draws differ no more than seeds of the same draw do; {why}", "note")
         if linear and linear.explained + linear.explained_interval < MOSTLY:
