@@ -108,8 +108,8 @@ def _log_parts(stream: Any, path: str, parts: Parts, times: Times) -> None:
     else:
         for i in parts.used:
             stream.log(f"{path}/{i}", _faceted(parts.mesh, parts.palette[i]), static=True)
-            shown = _instances(parts, parts.present & (parts.colour == i))
-            stream.send_columns(f"{path}/{i}", indexes=columns, columns=shown)
+            instances = _instances(parts, parts.present & (parts.colour == i))
+            stream.send_columns(f"{path}/{i}", indexes=columns, columns=instances)
     stream.log(f"shadows/{name}", _shadow(parts.mesh), static=True)
     stream.send_columns(f"shadows/{name}", indexes=columns, columns=_instances(parts, parts.on_plate))
     radius = np.linalg.norm(parts.mesh.vertices, axis=1).max()
