@@ -136,7 +136,7 @@ def test_every_setting_of_mujoco_is_tried_with_another_value() -> None:
         (ZENER | {"plate": MODES, "run.reaction": True}, "run.reaction = true"),
         (NOISE | IN_MUJOCO, "noise_m_s is 1e-06, must be 0 or"),
         (NOISE | {"run.steps_per_period": 40}, "noise_m_s is 1e-06, must be 0 or"),
-        ({"run.steps_per_period": 40, "run.tolerance_nm": 1.0}, "steps_per_period is 40, allowed"),
+        ({"run.steps_per_period": 40, "run.tolerance_nm": 1.0}, "steps_per_period is 40, must be"),
         (IN_MUJOCO | {"run.tolerance_nm": 1.0}, "run.tolerance_nm is 1, must be none in Mu"),
         (NOISE | {"plate": MODES, "part[0].count": 2, "part[0].start": SCATTERED}, "noise_m_s is 1e-06, must be 0"),
         ({"run.steps_per_period": 40} | IN_A_TUBE, 'none with part[0].guide.kind = "tube"'),

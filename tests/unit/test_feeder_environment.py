@@ -69,12 +69,12 @@ def test_picks_can_be_the_reward_with_their_time_beside_them() -> None:
     ("changes", "said"),
     [
         ({"most_steps": 0}, "most_steps: is 0, must be a whole number from 1 on"),
-        ({"most_steps": 2.5}, "most_steps: is 2.5, allowed"),
+        ({"most_steps": 2.5}, "most_steps: is 2.5, must be"),
         ({"refill_below": 1000}, "refill_below: is 1000, must be a whole number from 0 to 4"),
-        ({"refill_below": -1}, "refill_below: is -1, allowed"),
+        ({"refill_below": -1}, "refill_below: is -1, must be"),
         ({"reward": "money"}, "reward: is 'money', must be rate, picks"),
         ({"pick": 3}, "pick: is 3, must be a Pick"),
-        ({"pick": Pick(part="bolt", clearance_mm=1.0)}, 'pick.part: is "bolt", allowed'),
+        ({"pick": Pick(part="bolt", clearance_mm=1.0)}, 'pick.part: is "bolt", must be'),
     ],
 )
 def test_arguments_are_checked_before_any_step(changes: dict[str, Any], said: str) -> None:

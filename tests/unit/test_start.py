@@ -189,7 +189,7 @@ BELOW = Ball(shape="ball", diameter_mm=20.0, start=at(0.0, 0.0))
 @pytest.mark.parametrize(
     ("parts", "line"),
     [
-        ((Ball(shape="ball", diameter_mm=2.0), scattered(500)), "part[1].start: ... no room ... 500 parts ... allowed"),
+        ((Ball(shape="ball", diameter_mm=2.0), scattered(500)), "part[1].start: ... no room ... 500 parts ... must be"),
         ((nut(at(0.0, 0.0)), nut(at(20.0, 0.0)), nut(at(1.0, 0.0))), "part[2].start.position_mm: overlaps another"),
         ((BELOW, heap(5)), "part[1].start: overlaps"),
         ((box(STATES[0]), box(STATES[1])), "part[1].start.position_mm: overlaps part_0"),
@@ -407,7 +407,7 @@ def test_a_weighed_part_has_the_mass_and_the_moments_it_is_given() -> None:
     ("part", "start", "tables", "line"),
     [
         ({}, {"quaternion": [0.9, 0.0, 0.0, 0.0]}, {}, r"start: .*quaternion has length 0\.9, must be 1"),
-        ({}, {"position_mm": [0.0, 0.0, 1.0]}, {}, r"position_mm: puts its lowest point .* mm into the plate, allowed"),
+        ({}, {"position_mm": [0.0, 0.0, 1.0]}, {}, r"position_mm: puts its lowest point .* mm into the plate, must be"),
         ({}, {"position_mm": [0.0, 200.0, 60.0]}, {}, r"position_mm: is \[0, 200\], must be \+-90"),
         ({"count": 2}, {}, {}, r'start.kind is "state", must be "scattered", "heap" or "placed" with count = 2'),
         ({"inertia_g_mm2": [1.0, 1.0, 3.0]}, {}, {}, "above the sum of the other two"),

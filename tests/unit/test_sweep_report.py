@@ -70,9 +70,9 @@ def seeds_of(values: Mapping[str, Sequence[float]], failed: int = 0, n: int = 4)
 
 
 ENTRIES = [
-    ({AMPLITUDE: 0.5}, seeds_of({SPEED: around(0.75, 0.02, 4), RISE: [0.4] * 4})),
-    ({AMPLITUDE: 1.0}, seeds_of({SPEED: around(1.53, 0.05, 2), RISE: [0.4] * 3}, failed=1)),
-    ({AMPLITUDE: 2.0}, seeds_of({SPEED: around(3.2, 0.1, 4), RISE: [0.4] * 4})),
+    ({AMPLITUDE: 0.5}, seeds_of({SPEED: around(0.75, 0.02, 4), RISE: [0.5] * 4})),
+    ({AMPLITUDE: 1.0}, seeds_of({SPEED: around(1.53, 0.05, 2), RISE: [0.5] * 3}, failed=1)),
+    ({AMPLITUDE: 2.0}, seeds_of({SPEED: around(3.2, 0.1, 4), RISE: [0.5] * 4})),
 ]
 
 

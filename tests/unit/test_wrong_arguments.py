@@ -19,9 +19,9 @@ CALLS: dict[str, tuple[Callable[..., Any], str]] = {
     "simulate": (lambda: feeder_sim.simulate("x"), "scenario: is 'x', must be a Scenario"),  # type: ignore[arg-type]
     "workers": (lambda: feeder_sim.simulate(DRIFT, workers=0), "workers: is 0, must be a whole number from 1 on"),
     "progress": (lambda: feeder_sim.simulate(DRIFT, progress=3), "progress: is 3, must be True, or a function"),  # type: ignore[arg-type]
-    "record_run": (lambda: feeder_sim.record_run("x", "y"), "scenario: is 'x', allowed"),  # type: ignore[arg-type]
+    "record_run": (lambda: feeder_sim.record_run("x", "y"), "scenario: is 'x', must be"),  # type: ignore[arg-type]
     "folder": (lambda: feeder_sim.record_run(DRIFT, 3), "folder: is 3, must be a path"),  # type: ignore[arg-type]
-    "prepare": (lambda: feeder_sim.prepare(None), "scenario: is None, allowed"),  # type: ignore[arg-type]
+    "prepare": (lambda: feeder_sim.prepare(None), "scenario: is None, must be"),  # type: ignore[arg-type]
     "measure_drift": (lambda: feeder_sim.measure_drift(3), "measure_drift: is 3, must be a list"),  # type: ignore[arg-type]
     "an element": (lambda: feeder_sim.measure_drift([3]), "scenario: is 3, must be a Scenario"),  # type: ignore[list-item]
     "changed": (lambda: DRIFT.changed([1]), r"changed: is \[1\], must be a dictionary"),  # type: ignore[arg-type]
