@@ -255,7 +255,7 @@ def test_done_points_are_kept_and_others_added(tmp_path: Path) -> None:
     none = swept.Pretended()
     fewer = asked(first, scenario, none, tmp_path / "s")
     assert not none.seeds and [row.seeds for row in fewer.valued("speed")] == [6, 6]
-    assert fewer.kept == 2 and fewer.complete
+    assert fewer.retained == 2 and fewer.complete
     assert identity_of(scenario) == identity_of(scenario.changed({"title": "other", "run.seeds": 7}))
     assert identity_of(scenario) != identity_of(scenario.changed({"run.seed": 7}))
 
@@ -282,7 +282,7 @@ def test_a_sweep_goes_on_elsewhere_without_the_files_it_began_with(repository: P
     (tmp_path / "here").rename(tmp_path / "there")
     (tmp_path / "there/modes.h5").unlink()
     found: Any = merged(tmp_path / "there/s")
-    assert found.complete and found.others == 0 and len(found.valued("speed")) == 2
+    assert found.complete and found.foreign_seeds == 0 and len(found.valued("speed")) == 2
     assert "inputs/modes.h5" in (tmp_path / "there/s/scenario.toml").read_text()
 
 
