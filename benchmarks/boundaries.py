@@ -5,13 +5,17 @@ python benchmarks/boundaries.py [--steps-per-period 200]
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from feeder_sim.scenario import load_scenario, with_run
-from feeder_sim.studies.bifurcation import bisect, theoretical_boundaries
+
+sys.path.append(str(Path(__file__).parents[1] / "docs/examples"))
+
+from bifurcation import bisect, theoretical_boundaries
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 BRACKET = 0.04  # to each side of the theory

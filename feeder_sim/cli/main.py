@@ -31,7 +31,6 @@ from feeder_sim.cli.files import (
     StallAfter,
     ThreadCount,
     file_in_errors,
-    new_picture,
     options_in_errors,
     scenario_of,
     writable,
@@ -41,7 +40,7 @@ from feeder_sim.cli.new import new
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
-from feeder_sim.cli.report import as_lines, print_boundaries, print_result
+from feeder_sim.cli.report import as_lines, print_result
 from feeder_sim.cli.report_page import report
 from feeder_sim.cli.response import response
 from feeder_sim.cli.schema import schema
@@ -227,48 +226,6 @@ for command in (response, sequence, wave, part, merge, new, compare, schema):
     app.command()(command)
 
 
-@app.command()
-def bifurcation(
-    scenario_file: ScenarioFile,
-    low: Annotated[float, typer.Option("--from", help="Smallest amplitude [um].", show_default=False)],
-    high: Annotated[float, typer.Option("--to", help="Largest amplitude [um].", show_default=False)],
-    points: Annotated[int, typer.Option("--points", min=2, max=100_000, help="Amplitudes in the sweep.")] = 211,
-    settle: Annotated[
-        int | None, typer.Option("--settle", min=1, max=1_000_000, help="Plate periods to settle [4000].")
-    ] = None,
-    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the diagram to this file.")] = None,
-    data: Annotated[Path | None, typer.Option("--data", help="Write the impact speeds to this CSV file.")] = None,
-    engine: EngineName = None,
-    seeds: Seeds = None,
-    settings: Set = None,
-    as_json: AsJson = False,
-) -> None:
-    """Sweep the plate's amplitude under a bouncing part; find where period one, two, four, ... begin."""
-    scenario = scenario_of(scenario_file, engine, seeds, None, settings)
-    if not 0.0 < low < high <= 1e6:
-        raise InputError(f"are {low:g} and {high:g}, must be 0 < --from < --to <= 1e6", key="--from, --to")
-    if picture is not None:
-        new_picture(picture)
-    if data is not None:
-        writable(data)
-        if picture == data:
-            raise InputError("is the same file as --picture, must be another one", file=data, key="--data")
-    with file_in_errors(scenario_file), progress_bar(scenario.title or scenario_file.stem) as progress:
-        import numpy as np
-
-        from feeder_sim.studies.bifurcation import SETTLE, sweep_amplitude, write_sweep
-
-        amplitudes = np.linspace(low, high, points) * 1e-6
-        diagram = sweep_amplitude(scenario, amplitudes.tolist(), settle=settle or SETTLE, progress=progress)
-    if picture is not None:
-        from feeder_sim.plots.pictures import draw_bifurcation
-
-        draw_bifurcation(diagram, picture)
-    if data is not None:
-        write_sweep(diagram, data)
-    print_boundaries(diagram, as_json)
-
-
 @app.command("list")
 def list_(
     folder: Annotated[Path, typer.Argument(help="Folder with scenarios/ and models/.")] = Path(),
@@ -292,29 +249,6 @@ def list_(
 
 app.command()(replay)
 app.command()(report)
-
-
-@app.command()
-def vibrometer(
-    folder: Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)],
-    picture: Annotated[Path, typer.Option("--picture", help="File to draw to.", show_default=False)],
-    start: Annotated[float, typer.Option("--from", min=0.0, help="Begin of the record [s].")] = 0.0,
-    stop: Annotated[float, typer.Option("--to", min=0.0, help="End of the record [s].")] = 1.0,
-    show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown.")] = 0,
-    as_json: AsJson = False,
-) -> None:
-    """Draw the velocity of a guided part over time, as a laser vibrometer records it, and its bounce intervals."""
-    from feeder_sim.measures.bounces import velocity_record
-    from feeder_sim.plots.pictures import draw_velocity
-    from feeder_sim.records.trajectory_file import recording_of
-
-    if not start < stop:
-        raise InputError(f"are {start:g} and {stop:g}, must be --from < --to", key="--from, --to")
-    new_picture(picture)
-    record = velocity_record(recording_of(folder), seed=show_seed, start=start, stop=stop)
-    draw_velocity(record, picture)
-    if as_json:
-        print(json.dumps({"picture": str(picture), "seed": show_seed} | record.as_json_object()))
 
 
 def main() -> NoReturn:

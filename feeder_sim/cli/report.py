@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from feeder_sim.plate.response import RankedMode, Response
     from feeder_sim.plate.sequences import Route
     from feeder_sim.run.simulation import Result
-    from feeder_sim.studies.bifurcation import Diagram
     from feeder_sim.studies.width_ratios import RatioRoutes
 
 
@@ -204,27 +203,6 @@ def _lines_under_parts(result: Result) -> list[str]:
         lines.append(labelled(label, f"{amplitude}, {motion.acceleration:.3g} g at {motion.frequency:g} Hz"))
     more = len(lines) - MOST_DRIVE_LINES
     return lines if more <= 0 else [*lines[:MOST_DRIVE_LINES], f"and under {more} more drives, as check says"]
-
-
-def print_boundaries(diagram: Diagram, as_json: bool) -> None:
-    """Print the amplitude at which each period begins, beside the exact value."""
-    rows = [
-        {
-            "period": int(b.motion),
-            "from_um": 1e6 * b.amplitude,
-            "bracket_um": 1e6 * b.uncertainty,
-            "exact_um": None if b.theory is None else 1e6 * b.theory,
-            "deviation_percent": None if b.theory is None else 100.0 * (b.amplitude / b.theory - 1.0),
-        }
-        for b in diagram.boundaries
-    ]
-    ratios = diagram.feigenbaum_ratios()
-    if as_json:
-        print(json.dumps({"boundaries": rows, "feigenbaum_ratios": ratios}))
-        return
-    print_rows(rows, none="no boundary within the sweep")
-    if ratios:
-        print(f"ratios of successive doublings: {', '.join(f'{r:.3f}' for r in ratios)} (Feigenbaum: 4.669)")
 
 
 def print_modes(mode_file: ModeFile, as_json: bool) -> None:

@@ -7,13 +7,7 @@ that counts. Contacts before the plate has rung up do not count.
 
 *Period*: number of impacts after which the motion repeats.
 
-Period-one motion on a plate A sin(omega t), one impact per plate period, exists and is stable for
-
-    pi (1 - e) / (1 + e)  <  A omega^2 / g  <  sqrt(4 (1 + e^2)^2 / (1 + e)^4 + pi^2 (1 - e)^2 / (1 + e)^2)
-
-At the upper limit an eigenvalue of the impact map, linearised about that motion, passes -1 and the period doubles
-(compare Barroso, Carneiro and Macau, Phys. Rev. E 79 (2009) 026206). Far above it, where the phases of successive
-landings are independent of each other, the mean interval is near 4 pi f A (1 + e) / g.
+Where the phases of successive landings are independent of each other, the mean interval is near 4 pi f A (1 + e) / g.
 """
 
 from __future__ import annotations
@@ -22,102 +16,18 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.errors import InputError
 from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.recording import Recording
 from feeder_sim.records.seed import Events, Seed
-from feeder_sim.scenario import parse_scenario
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.scene.scene import Scene, build_scene
+from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import timed
-
-# The vertical velocity of a part in a guide over time, as a laser vibrometer above it records it.
-
-
-@dataclass(frozen=True)
-class VelocityRecord:
-    """The velocity of one seed, and the bounce intervals of all.
-
-    Attributes:
-        title: of the scenario, or the name of the run's folder.
-        window: begin and end of what is shown [s]: as asked for, up to the end of the record.
-        time: of the samples [s], shape (n,).
-        velocity: of the part, upwards [m/s], shape (n,).
-        plate_velocity: its amplitude [m/s], shape (n,); None for a plate with several drives.
-        intervals: bounce intervals [s] of each seed, shape (n,).
-    """
-
-    title: str
-    window: tuple[float, float]
-    time: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    plate_velocity: NDArray[np.float64] | None
-    intervals: tuple[NDArray[np.float64], ...]
-
-    @property
-    def bounce_interval_ms(self) -> Statistic:
-        """Of all seeds, as the run's measure has it of those that ran to their end."""
-        return batched([1e3 * seed for seed in self.intervals])
-
-    def as_json_object(self) -> dict[str, Any]:
-        """The numbers in it, as JSON takes them."""
-        plate, intervals = self.plate_velocity, 1e3 * np.concatenate(self.intervals)
-        return {
-            "from_s": self.window[0],
-            "to_s": self.window[1],
-            "samples": len(self.time),
-            "least_velocity_mm_s": 1e3 * float(self.velocity.min()),
-            "largest_velocity_mm_s": 1e3 * float(self.velocity.max()),
-            "plate_velocity_mm_s": None if plate is None else 1e3 * float(plate.max()),
-            "bounce_interval_ms": self.bounce_interval_ms.as_dict(),
-            "least_bounce_interval_ms": float(intervals.min()) if len(intervals) else None,
-            "largest_bounce_interval_ms": float(intervals.max()) if len(intervals) else None,
-        }
-
-
-def velocity_record(recording: Recording, *, seed: int, start: float, stop: float) -> VelocityRecord:
-    """Read the velocity of a guided part from a recording.
-
-    Args:
-        recording: of a run with a part in a guide.
-        seed: index of the seed whose velocity is read; the bounce intervals are those of all seeds.
-        start: of the velocity record [s].
-        stop: of the velocity record [s].
-
-    Raises:
-        InputError: no such seed, no frames in that time, or no impacts were recorded.
-    """
-    impacts = [record.impacts for record in recording.records]
-    if not any(len(impacts_of_seed) for impacts_of_seed in impacts):
-        raise InputError("holds no impacts, must be a run of a part in a guide", file=recording.path)
-    if not 0 <= seed < len(recording.seeds):
-        raise InputError(f"is {seed}, must be 0 to {len(recording.seeds) - 1}", file=recording.path, key="--show-seed")
-    frames = recording.seeds[seed]
-    in_window = (frames.time >= start) & (frames.time <= stop)
-    if not in_window.any():
-        raise InputError(f"no frames between {start:g} and {stop:g} s", file=recording.path)
-    scenario = parse_scenario(recording.scenario_text, file=recording.path)
-    scene, times = build_scene(scenario), frames.time[in_window]
-    plate_velocity = None
-    if len(scenario.drive) == 1:
-        amplitude = np.abs(scene.surface.terms.phasor(times, 1)[:, 0])
-        plate_velocity = amplitude * 2.0 * np.pi * scenario.drive[0].frequency_hz
-    return VelocityRecord(
-        title=scenario.title or recording.path.parent.name,
-        window=(start, min(stop, float(frames.time[-1]))),
-        time=times,
-        velocity=frames.velocity[in_window, 0, 2],
-        plate_velocity=plate_velocity,
-        intervals=tuple(flights.interval for flights in seed_flights(scene, impacts)),
-    )
-
 
 LEAST_INTERVAL = 0.99  # of a plate period; shorter bounce intervals do not count
 LEAST_FLIGHT = 0.25  # of a plate period; shorter flights are chatter
@@ -129,19 +39,8 @@ EXACT_TOLERANCE = 1e-4  # relative difference of impact speeds that counts as no
 STEP_TOLERANCE = 4.0  # the same for methods that meet the plate in steps, times the steps per period
 
 
-def period_one_threshold(restitution: float) -> float:
-    """Throw number A omega^2 / g at which period-one motion begins, for a coefficient of restitution [1]."""
-    return math.pi * (1.0 - restitution) / (1.0 + restitution)
-
-
-def period_two_threshold(restitution: float) -> float:
-    """Throw number A omega^2 / g at which period two replaces period one, for a coefficient of restitution [1]."""
-    e = restitution
-    return math.hypot(2.0 * (1.0 + e * e) / (1.0 + e) ** 2, math.pi * (1.0 - e) / (1.0 + e))
-
-
 def expected_interval(frequency: float, amplitude: float, restitution: float, gravity: float) -> float:
-    """Mean bounce interval [s] far above the thresholds, 4 pi f A (1 + e) / g.
+    """Mean bounce interval [s] far above the periodic motions, 4 pi f A (1 + e) / g.
 
     Args:
         frequency: f of the plate [Hz].

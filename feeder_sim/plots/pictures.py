@@ -1,4 +1,4 @@
-"""Pictures of mode shapes, routes, waves, bifurcation diagrams and velocity records."""
+"""Pictures of mode shapes, routes and waves."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from feeder_sim.constants import GRAVITY
-from feeder_sim.document.figure import MM, MS, UM, empty_figure
-from feeder_sim.measures.bounces import VelocityRecord
+from feeder_sim.document.figure import MM, UM, empty_figure
 from feeder_sim.measures.circulation import StageWave
 from feeder_sim.plate.impedance_fit import Sweep, SweepFit
 from feeder_sim.plate.imported.modes import Imported
@@ -22,7 +20,6 @@ from feeder_sim.plate.sequences import Route
 from feeder_sim.plots.plate_top import cut_to_plate
 
 if TYPE_CHECKING:
-    from feeder_sim.studies.bifurcation import Boundary, Diagram
     from feeder_sim.studies.width_ratios import RatioRoutes
 
 
@@ -207,9 +204,6 @@ def _outline(axes: Any, corners: Any) -> None:
     axes.plot(closed[:, 0], closed[:, 1], color="#e08a1e", linewidth=1.0)
 
 
-LABEL_WIDTH = 0.02  # of the axis; labels of boundaries nearer to each other than this are staggered
-
-
 def draw_mode(modes: PlateModes, index: int, path: Path) -> None:
     """Draw the deflection of one mode (0-based index) with its nodal lines; the suffix of `path` is the file type."""
     plate = modes.plate
@@ -309,71 +303,3 @@ def draw_wave(stage_wave: StageWave, path: Path) -> None:
     axes.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
     axes.legend(loc="upper right", fontsize=8)
     figure.savefig(path, dpi=150)
-
-
-def draw_bifurcation(diagram: Diagram, path: Path) -> None:
-    """Draw impact speeds over the amplitude, with the boundaries found by bisection and the exact ones."""
-    figure = empty_figure(9.0, 5.2)
-    axes = figure.add_subplot()
-    for point in diagram.sweep:
-        speeds = np.concatenate(point.impact_speed)
-        axes.scatter(np.full(len(speeds), point.amplitude * UM), speeds * MM, s=0.6, color="black", linewidths=0.0)
-    drive = diagram.scenario.drive[0]
-    throw_number = (2.0 * np.pi * drive.frequency_hz) ** 2 / GRAVITY / UM
-    axes.secondary_xaxis("top", functions=(lambda a: a * throw_number, lambda k: k / throw_number)).set_xlabel(
-        "throw number $A\\omega^2/g$"
-    )
-    axes.set(
-        xlabel="amplitude of the plate (µm)",
-        ylabel="impact speed relative to the plate (mm/s)",
-        xlim=(diagram.sweep[0].amplitude * UM, diagram.sweep[-1].amplitude * UM),
-        ylim=(0.0, None),
-    )
-    _draw_boundaries(axes, diagram.boundaries)
-    axes.set_title(f"{diagram.scenario.title or 'Bouncing part'}, restitution {diagram.scenario.contact.restitution:g}")
-    figure.savefig(path, dpi=150)
-
-
-def draw_velocity(record: VelocityRecord, path: Path) -> None:
-    """Draw the vertical velocity of a guided part with that of the plate, and the bounce intervals of all seeds."""
-    figure = empty_figure(10.0, 3.8)
-    left, right = figure.subplots(1, 2, width_ratios=[3, 1])
-    left.plot(record.time, record.velocity * MM, linewidth=0.8, color="tab:orange")
-    if record.plate_velocity is not None:
-        envelope = record.plate_velocity * MM
-        fill = {"alpha": 0.3, "color": "tab:blue", "linewidth": 0.0, "label": "plate"}
-        left.fill_between(record.time, -envelope, envelope, **fill)
-        left.legend(loc="lower left", fontsize=8)
-    left.set(xlabel="time (s)", ylabel="vertical velocity (mm/s)", xlim=record.window)
-    intervals = np.concatenate(record.intervals) * MS
-    right.hist(intervals, bins=40, color="tab:orange")
-    right.set(xlabel="bounce interval (ms)", ylabel=f"number of {len(intervals)}, all seeds")
-    left.set_title(record.title, fontsize=10)
-    figure.savefig(path, dpi=150)
-
-
-def _draw_boundaries(axes: Any, boundaries: Sequence[Boundary]) -> None:
-    """Draw the boundaries of a bifurcation diagram, with labels that do not overlap."""
-    low, high = axes.get_xlim()
-    right = low
-    for boundary in boundaries:
-        crowded = boundary.amplitude * UM - right < LABEL_WIDTH * (high - low)
-        right = boundary.amplitude * UM
-        if boundary.theory is not None:
-            axes.axvline(boundary.theory * UM, color="tab:red", linewidth=3.0, alpha=0.35)
-        axes.axvline(boundary.amplitude * UM, color="tab:blue", linewidth=0.8, linestyle="--")
-        axes.annotate(
-            f"period {boundary.motion}",
-            (boundary.amplitude * UM, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(-2, -60 if crowded else -4),
-            textcoords="offset points",
-            rotation=90,
-            ha="right",
-            va="top",
-            color="tab:blue",
-            fontsize=8,
-        )
-    axes.plot([], [], color="tab:red", linewidth=3.0, alpha=0.35, label="exact boundary")
-    axes.plot([], [], color="tab:blue", linewidth=0.8, linestyle="--", label="found by bisection")
-    axes.legend(loc="center left", fontsize=8)

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import csv
+import subprocess
+import sys
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from bifurcation import bisect, period_one_threshold, period_two_threshold, sweep_amplitude, theoretical_boundaries
 from conftest import REPOSITORY
 from pinned import BOUNCE_INTERVAL, BOUNCE_RATIO, CYLINDER_INTERVAL
+from velocity import draw_velocity
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.errors import InputError
 from feeder_sim.measures.bounces import expected_interval
+from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
-from feeder_sim.studies.bifurcation import bisect, sweep_amplitude, theoretical_boundaries
 
 
 def scenario(
@@ -105,3 +112,43 @@ def test_boundaries_are_compared_with_theory_only_where_it_holds() -> None:
     compliant = found.contact.model_copy(update={"model": "compliant", "time_constant_us": 5000.0})
     assert set(theoretical_boundaries(found)) == {"1", "2"}
     assert theoretical_boundaries(found.model_copy(update={"contact": compliant})) == {}
+
+
+def test_thresholds_of_the_bouncing_ball() -> None:
+    assert period_one_threshold(0.2) == pytest.approx(2.0944, abs=5e-5)
+    assert period_two_threshold(0.2) == pytest.approx(2.5442, abs=5e-5)
+    assert period_one_threshold(1.0) == 0.0
+    assert period_two_threshold(1.0) == pytest.approx(1.0)
+
+
+def test_the_example_prints_draws_and_writes_what_it_computes(tmp_path: Path) -> None:
+    script, ball = REPOSITORY / "docs/examples/bifurcation.py", REPOSITORY / "scenarios/ball_50hz.toml"
+    files = ("--picture", str(tmp_path / "d.svg"), "--data", str(tmp_path / "d.csv"))
+    options = ("--from", "249", "--to", "257", "--points", "5", "--settle", "1500")
+    done = subprocess.run([sys.executable, script, ball, *options, *files], capture_output=True, text=True, check=True)
+    period, begin, exact = done.stdout.splitlines()[1].split()[:3]
+    assert (period, exact) == ("2", "252.88") and float(begin) == pytest.approx(252.88, rel=1e-3)
+    assert "<svg" in (tmp_path / "d.svg").read_text()
+    rows = list(csv.DictReader((tmp_path / "d.csv").read_text().splitlines()))
+    assert {r["motion"] for r in rows if r["amplitude_um"] == "249"} == {"1"}
+    assert {r["motion"] for r in rows if r["amplitude_um"] == "257"} == {"2"}
+    # One impact per period: w = g T / (1 + e).
+    assert float(rows[0]["impact_speed_mm_s"]) == pytest.approx(9810 * 0.02 / 1.2, rel=1e-4)
+    other = [sys.executable, script, REPOSITORY / "scenarios/drift_4750hz.toml", "--from", "1", "--to", "2"]
+    refused = subprocess.run(other, capture_output=True, text=True, check=False)
+    assert refused.returncode == 1 and 'part[0].guide: allowed is kind = "slide"' in refused.stderr
+
+
+def test_the_velocity_of_a_guided_part_is_drawn(tmp_path: Path) -> None:
+    ball = scenario("ball_50hz", amplitude_um=240.0, duration_s=8.0, seeds=4)
+    bounces = record_run(ball, tmp_path / "run", replay=False).measures()["bounce_interval_ms"]
+    drawn = draw_velocity(tmp_path / "run", tmp_path / "v.png", stop=0.5)
+    assert (tmp_path / "v.png").read_bytes().startswith(b"\x89PNG")
+    # The plate moves at A omega; the ball falls onto it from 2 mm at most, and is nowhere faster than that.
+    assert drawn["to_s"] == 0.5 and drawn["plate_velocity_mm_s"] == pytest.approx(240e-3 * 2 * np.pi * 50.0, rel=1e-6)
+    assert -300.0 < drawn["least_velocity_mm_s"] < -90.0 < 90.0 < drawn["largest_velocity_mm_s"] < 300.0
+    assert drawn["bounce_interval_ms"] == bounces
+    wrong: tuple[dict[str, Any], ...] = ({"seed": 4}, {"start": 9.0, "stop": 10.0})
+    for arguments in wrong:
+        with pytest.raises(InputError, match=r"allowed is 0 to 3|no frames between"):
+            draw_velocity(tmp_path / "run", tmp_path / "w.png", **arguments)

@@ -256,7 +256,7 @@ def test_a_recording_that_points_elsewhere_or_claims_too_much_is_refused(
         file["a"] = np.zeros(10)
     with h5py.File(path, "r+", libver="latest") as file:
         SPOILT[name](file, tmp_path)
-    done = in_new_process("vibrometer", path, "--picture", tmp_path / "a.png")
+    done = in_new_process("report", path, "--out", tmp_path / "a.html")
     check_refused(done, "trajectory.h5")
 
 

@@ -14,13 +14,10 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.bounces import (
     LAST_IMPACTS,
     PERIODS,
-    VelocityRecord,
     batched,
     expected_interval,
     flights,
     motion,
-    period_one_threshold,
-    period_two_threshold,
     settling_time,
 )
 from feeder_sim.measures.statistic import Statistic
@@ -148,14 +145,6 @@ def test_standard_error_allows_for_correlation_of_neighbours() -> None:
     assert batched([]).as_dict() == {"mean": None, "sd": None, "se": None, "n": 0}
 
 
-def test_velocity_record_without_bounces_has_no_numbers_of_them() -> None:
-    time, none = np.array([0.0, 0.1]), np.empty(0)
-    told = VelocityRecord("ball", (0.0, 0.1), time, np.array([-0.02, 0.01]), None, (none, none)).as_json_object()
-    assert told["bounce_interval_ms"] == {"mean": None, "sd": None, "se": None, "n": 0}
-    assert told["least_bounce_interval_ms"] is None and told["largest_bounce_interval_ms"] is None
-    assert told["plate_velocity_mm_s"] is None and told["least_velocity_mm_s"] == pytest.approx(-20.0)
-
-
 def test_the_plate_has_settled_five_time_constants_after_its_last_drive_began() -> None:
     ringing = Drive(frequency_hz=100.0, amplitude_um=10.0, damping_ratio=0.01, start_s=0.3)
     late = Drive(frequency_hz=300.0, amplitude_um=10.0, ring_up=False, start_s=2.0)
@@ -166,11 +155,7 @@ def test_the_plate_has_settled_five_time_constants_after_its_last_drive_began() 
     assert settling_time(build_scene(slide_scenario(late.model_copy(update={"start_s": 0.0}), ringing))) == settled
 
 
-def test_thresholds_of_the_bouncing_ball() -> None:
-    assert period_one_threshold(0.2) == pytest.approx(2.0944, abs=5e-5)
-    assert period_two_threshold(0.2) == pytest.approx(2.5442, abs=5e-5)
-    assert period_one_threshold(1.0) == 0.0
-    assert period_two_threshold(1.0) == pytest.approx(1.0)
+def test_expected_interval_of_the_bouncing_ball() -> None:
     assert expected_interval(558.0, 90e-6, 0.2, GRAVITY) == pytest.approx(0.07720, abs=5e-6)
 
 

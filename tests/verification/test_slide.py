@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bifurcation import period_one_threshold, period_two_threshold
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from slide_theory import (
@@ -26,7 +27,7 @@ from slide_theory import (
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.slide.engine import LOG_ROWS, SlideEngine
-from feeder_sim.measures.bounces import motion, period_one_threshold, period_two_threshold
+from feeder_sim.measures.bounces import motion
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Drive
 from feeder_sim.scene.scene import build_scene
