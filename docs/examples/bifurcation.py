@@ -304,7 +304,7 @@ def main(
 ) -> None:
     try:
         if not 0.0 < low < high:
-            raise InputError(f"are {low:g} and {high:g}, allowed is 0 < --from < --to", key="--from, --to")
+            raise InputError(f"are {low:g} and {high:g}, must be 0 < --from < --to", key="--from, --to")
         amplitudes = (np.linspace(low, high, points) * 1e-6).tolist()
         diagram = sweep_amplitude(feeder_sim.load_scenario(scenario), amplitudes, settle=settle)
     except FeederSimError as error:

@@ -40,9 +40,9 @@ def draw_velocity(run: Path, picture: Path, *, seed: int = 0, start: float = 0.0
     """
     result = feeder_sim.open(run)
     if not any(len(each.impacts) for each in result.seeds):
-        raise InputError("holds no impacts, allowed is a run of a part in a guide", file=run)
+        raise InputError("holds no impacts, must be a run of a part in a guide", file=run)
     if not 0 <= seed < len(result.seeds):
-        raise InputError(f"is {seed}, allowed is 0 to {len(result.seeds) - 1}", file=run, key="--show-seed")
+        raise InputError(f"is {seed}, must be 0 to {len(result.seeds) - 1}", file=run, key="--show-seed")
     frames = result.seeds[seed].frames
     in_window = (frames.time >= start) & (frames.time <= stop)
     if not in_window.any():

@@ -45,7 +45,7 @@ from feeder_sim.cli.report_page import report
 from feeder_sim.cli.response import response
 from feeder_sim.cli.schema import schema
 from feeder_sim.cli.study import merge
-from feeder_sim.cli.terminal import at_terminal, progress_bar
+from feeder_sim.cli.terminal import at_terminal
 from feeder_sim.cli.uncertainty import (
     DRAWS,
     SEEDS,

@@ -136,7 +136,7 @@ def test_the_example_prints_draws_and_writes_what_it_computes(tmp_path: Path) ->
     assert float(rows[0]["impact_speed_mm_s"]) == pytest.approx(9810 * 0.02 / 1.2, rel=1e-4)
     other = [sys.executable, script, REPOSITORY / "scenarios/drift_4750hz.toml", "--from", "1", "--to", "2"]
     refused = subprocess.run(other, capture_output=True, text=True, check=False)
-    assert refused.returncode == 1 and 'part[0].guide: allowed is kind = "slide"' in refused.stderr
+    assert refused.returncode == 1 and 'part[0].guide: must be kind = "slide"' in refused.stderr
 
 
 def test_the_velocity_of_a_guided_part_is_drawn(tmp_path: Path) -> None:
@@ -150,5 +150,5 @@ def test_the_velocity_of_a_guided_part_is_drawn(tmp_path: Path) -> None:
     assert drawn["bounce_interval_ms"] == bounces
     wrong: tuple[dict[str, Any], ...] = ({"seed": 4}, {"start": 9.0, "stop": 10.0})
     for arguments in wrong:
-        with pytest.raises(InputError, match=r"allowed is 0 to 3|no frames between"):
+        with pytest.raises(InputError, match=r"must be 0 to 3|no frames between"):
             draw_velocity(tmp_path / "run", tmp_path / "w.png", **arguments)
