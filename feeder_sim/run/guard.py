@@ -12,10 +12,13 @@ The states are looked at in state_check.py, which also marks the parts that have
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.surface_arrays import outline_arrays, surface_arrays
 from feeder_sim.errors import Divergence, SimulationDiverged
 from feeder_sim.records.seed import Events, parts_arrived
 from feeder_sim.records.trajectory import SAME_TIME, Frames
@@ -35,19 +38,17 @@ from feeder_sim.run.state_check import (
     VIOLATION,
     Bodies,
     DepthLimit,
+    Edge,
     EnergyLimit,
-    Held,
+    Limits,
     Motion,
     States,
     check_states,
-    edge_of,
-    energy_limit,
-    fall_speed,
-    largest_at_once,
-    largest_reaction,
     new_states,
     no_states,
 )
+from feeder_sim.scenario import Contact
+from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
@@ -81,7 +82,7 @@ class Guard:
         self._prepared, self._scene = prepared, prepared.scene
         self._parts = [part.name for part in prepared.scene.parts]
         self._first = first[slice(-1, None)]
-        self._limits = what_holds(prepared, first)
+        self._limits = limits_of(prepared, first)
         self._checked = self._at_start(first[slice(-1, None)])  # the last block
         self._before = self._checked  # its last row is the last frame of the block before
 
@@ -101,7 +102,7 @@ class Guard:
     def widen(self, prepared: Prepared) -> None:
         """Go on with the same scene, which has got more drives; the limits are made anew."""
         self._prepared, self._scene, fall = prepared, prepared.scene, self._limits.energy.start_speed
-        limits = what_holds(prepared, self._first)
+        limits = limits_of(prepared, self._first)
         energy = limits.energy._replace(start_speed=max(fall, limits.energy.start_speed))
         self._limits = limits._replace(energy=energy, depth=_depth_limit(prepared, energy))
 
@@ -124,7 +125,7 @@ class Guard:
             detail = f"its energy of {energy:.2g} J exceeds {most:.2g} J, more than this plate can give"
         elif violation == TOO_DEEP:
             depth, allowed = 1e6 * value[DEPTH], 1e6 * value[ALLOWED]
-            detail = f"a corner lies {depth:.1f} um below the plate's surface, must be {allowed:.1f} um"
+            detail = f"a corner lies {depth:.1f} um below the plate's surface, must be at most {allowed:.1f} um"
         failure = SimulationDiverged(
             DIVERGENCES[violation],
             time_s=float(frames.time[valid]),
@@ -164,12 +165,12 @@ class Guard:
         return states
 
 
-def what_holds(prepared: Prepared, first: Frames) -> Held:
+def limits_of(prepared: Prepared, first: Frames) -> Limits:
     """What the states of a seed are held against; first: frames with the state at the start, of one seed or of many."""
     scene = prepared.scene
     energy = energy_limit(scene, first, ENERGY_FACTOR)
     tangent = scene.scenario.run.tangent_surface or prepared.engine.name == "mujoco"
-    return Held(
+    return Limits(
         bodies=_bodies(scene),
         surface=surface_arrays(scene.surface, scene.scenario.run)._replace(tangent=tangent),
         antinode=scene.surface.extremes[0],
@@ -215,3 +216,87 @@ def _motion(scene: Scene, frames: Frames) -> Motion:
     states = (frames.position, scene.principal_attitudes(frames.quaternion), frames.velocity, frames.angular_velocity)
     state = np.ascontiguousarray(np.concatenate(states, axis=-1))
     return Motion(np.ascontiguousarray(frames.time), state, np.ascontiguousarray(frames.present))
+
+
+# Energy that a vibrating plate can give the parts of a scene at most.
+
+
+def energy_limit(scene: Scene, first: Frames, factor: float) -> EnergyLimit:
+    """Bound the energy of the parts of one seed; first: frames with the state at the start."""
+    height = float(np.abs(first.position[..., 2]).max())
+    start_speed = float(np.linalg.norm(first.velocity, axis=-1).max()) + fall_speed(height) + _spin_speed(scene, first)
+    plate_speed = largest_at_once(scene, speeds=True)
+    return EnergyLimit(plate_speed, start_speed, _restitution(scene.scenario.contact), factor)
+
+
+def _spin_speed(scene: Scene, first: Frames) -> float:
+    """Speed [m/s] that has at least the energy of the fastest spin."""
+    gyration = np.array([math.sqrt(kind.inertia.max() / kind.mass) for kind in scene.kinds])[scene.kind_of]
+    return float((gyration * np.linalg.norm(first.angular_velocity, axis=-1)).max())
+
+
+def fall_speed(height: float) -> float:
+    """Speed [m/s] after a fall from a height [m]."""
+    return math.sqrt(2.0 * GRAVITY * height)
+
+
+def largest_at_once(scene: Scene, *, speeds: bool = False) -> float:
+    """Largest sum of amplitudes [m], or speeds [m/s], over the drives that act or still ring at the same time.
+
+    A mode that is driven again while it rings gets the larger of both amounts.
+    """
+    decay = np.full(scene.surface.n_shapes, 1e9)  # [1/s]; without a damping ratio the motion stops at once
+    for drive in (drive for drives in scene.all_drives for drive in drives):
+        rate = (drive.damping_ratio or math.inf) * 2.0 * math.pi * drive.natural_frequency
+        decay[drive.shape] = min(decay[drive.shape], rate)
+    largest, level = 0.0, np.zeros(len(decay))
+    for stage in scene.times.stages:
+        driven = np.zeros(len(decay))
+        for drive in (drive for i in stage.excitations for drive in scene.all_drives[i]):
+            driven[drive.shape] += drive.largest_speed if speeds else drive.largest
+        largest = max(largest, float(np.maximum(level, driven).sum()))
+        duration = 0.0 if stage.until else stage.stop - stage.start  # a stage with a condition may stop at once
+        level = np.maximum(level * np.exp(-decay * duration), driven) * np.exp(-decay * (stage.end - stage.stop))
+    return largest
+
+
+def largest_reaction(scene: Scene, amplitude: float, start_speed: float) -> float:
+    """How far parts that act on the plate may move its surface away from where the drives alone would have it [m].
+
+    An estimate for a limit. Parts that take all energy from modes of an amplitude, or turn their phase, move it by
+    twice that. Of their own energy, M v^2 / 2 at the start, a mode of the mass m gets an amplitude of
+    v sqrt(M / m) / w_n at most. What parts carry from one mode to a slower one is left out.
+    """
+    modes = free_modes(scene.driven)
+    mass = float(sum(part.mass for part in scene.parts))
+    own = start_speed * np.sqrt(mass / modes.modal_mass) / np.abs(modes.rate)
+    return 2.0 * amplitude + float(own.sum())
+
+
+def _restitution(contact: Contact) -> float:
+    """Coefficient of restitution [1].
+
+    For a spring-damper with the damping ratio zeta it is exp(-pi zeta / sqrt(1 - zeta^2)): the ratio of the speeds of
+    a free linear oscillation half a period apart. One that depends on the speed may come to 1 at slow impacts.
+    """
+    if contact.restitution == "zener" or contact.restitution_exponent:
+        return 1.0
+    if contact.time_constant_us is None:
+        return contact.restitution
+    ratio = contact.damping_ratio
+    return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0
+
+
+def edge_of(scene: Scene, crest: float) -> Edge:
+    """The edge of the plate of a scene whose surface rises by up to `crest` [m]."""
+    return Edge(
+        half_x=0.5 * scene.surface.length,
+        half_y=0.5 * scene.surface.width,
+        crest=crest,
+        floor=1e-3 * scene.scenario.run.floor_mm,
+        rim=scene.rim,
+        enclosed=scene.rim or any(scene.guides),
+        swing=2.0 * max(kind.size for kind in scene.kinds),
+        frame_interval=scene.frame_interval,
+        outline=outline_arrays(scene.surface.outline),
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.surface_arrays import OutlineArrays, SurfaceArrays, edge_distance, off_plate, outline_arrays
+from feeder_sim.engines.surface_arrays import OutlineArrays, SurfaceArrays, edge_distance, off_plate
 from feeder_sim.machine_code import borrow, entry_point, inlined, uncounted
 from feeder_sim.plate.compiled import (
     BETA_X,
@@ -21,12 +21,6 @@ from feeder_sim.plate.compiled import (
     modal_motion,
     surface_modes,
 )
-from feeder_sim.records.trajectory import Frames
-from feeder_sim.scenario import Contact
-from feeder_sim.scene.driven_mode import free_modes
-from feeder_sim.scene.scene import Scene
-
-# Energy of the parts of a scene, and the largest energy that its vibrating plate can give them.
 
 
 class EnergyLimit(NamedTuple):
@@ -40,25 +34,6 @@ class EnergyLimit(NamedTuple):
     start_speed: float
     restitution: float
     factor: float
-
-
-def energy_limit(scene: Scene, first: Frames, factor: float) -> EnergyLimit:
-    """Bound the energy of the parts of one seed; first: frames with the state at the start."""
-    height = float(np.abs(first.position[..., 2]).max())
-    start_speed = float(np.linalg.norm(first.velocity, axis=-1).max()) + fall_speed(height) + _spin_speed(scene, first)
-    plate_speed = largest_at_once(scene, speeds=True)
-    return EnergyLimit(plate_speed, start_speed, _restitution(scene.scenario.contact), factor)
-
-
-def _spin_speed(scene: Scene, first: Frames) -> float:
-    """Speed [m/s] that has at least the energy of the fastest spin."""
-    gyration = np.array([math.sqrt(kind.inertia.max() / kind.mass) for kind in scene.kinds])[scene.kind_of]
-    return float((gyration * np.linalg.norm(first.angular_velocity, axis=-1)).max())
-
-
-def fall_speed(height: float) -> float:
-    """Speed [m/s] after a fall from a height [m]."""
-    return math.sqrt(2.0 * GRAVITY * height)
 
 
 @inlined
@@ -92,53 +67,6 @@ def largest_energy(mass, t, limit):
     return limit.factor * 0.5 * mass * (from_plate + limit.start_speed) ** 2
 
 
-def largest_at_once(scene: Scene, *, speeds: bool = False) -> float:
-    """Largest sum of amplitudes [m], or speeds [m/s], over the drives that act or still ring at the same time.
-
-    A mode that is driven again while it rings gets the larger of both amounts.
-    """
-    decay = np.full(scene.surface.n_shapes, 1e9)  # [1/s]; without a damping ratio the motion stops at once
-    for drive in (drive for drives in scene.all_drives for drive in drives):
-        rate = (drive.damping_ratio or math.inf) * 2.0 * math.pi * drive.natural_frequency
-        decay[drive.shape] = min(decay[drive.shape], rate)
-    largest, level = 0.0, np.zeros(len(decay))
-    for stage in scene.times.stages:
-        driven = np.zeros(len(decay))
-        for drive in (drive for i in stage.excitations for drive in scene.all_drives[i]):
-            driven[drive.shape] += drive.largest_speed if speeds else drive.largest
-        largest = max(largest, float(np.maximum(level, driven).sum()))
-        duration = 0.0 if stage.until else stage.stop - stage.start  # a stage with a condition may stop at once
-        level = np.maximum(level * np.exp(-decay * duration), driven) * np.exp(-decay * (stage.end - stage.stop))
-    return largest
-
-
-def largest_reaction(scene: Scene, amplitude: float, start_speed: float) -> float:
-    """How far parts that act on the plate may move its surface away from where the drives alone would have it [m].
-
-    An estimate for a limit. Parts that take all energy from modes of an amplitude, or turn their phase, move it by
-    twice that. Of their own energy, M v^2 / 2 at the start, a mode of the mass m gets an amplitude of
-    v sqrt(M / m) / w_n at most. What parts carry from one mode to a slower one is left out.
-    """
-    modes = free_modes(scene.driven)
-    mass = float(sum(part.mass for part in scene.parts))
-    own = start_speed * np.sqrt(mass / modes.modal_mass) / np.abs(modes.rate)
-    return 2.0 * amplitude + float(own.sum())
-
-
-def _restitution(contact: Contact) -> float:
-    """Coefficient of restitution [1].
-
-    For a spring-damper with the damping ratio zeta it is exp(-pi zeta / sqrt(1 - zeta^2)): the ratio of the speeds of
-    a free linear oscillation half a period apart. One that depends on the speed may come to 1 at slow impacts.
-    """
-    if contact.restitution == "zener" or contact.restitution_exponent:
-        return 1.0
-    if contact.time_constant_us is None:
-        return contact.restitution
-    ratio = contact.damping_ratio
-    return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0
-
-
 # Where parts are relative to the edge of the plate: over it, clear of the edge, fallen beside it, or lost.
 #
 # The sides of the plate stop nothing. A part that tips over the edge may swing under the plate by twice its size until
@@ -164,21 +92,6 @@ class Edge(NamedTuple):
     swing: float
     frame_interval: float
     outline: OutlineArrays | None
-
-
-def edge_of(scene: Scene, crest: float) -> Edge:
-    """The edge of the plate of a scene whose surface rises by up to `crest` [m]."""
-    return Edge(
-        half_x=0.5 * scene.surface.length,
-        half_y=0.5 * scene.surface.width,
-        crest=crest,
-        floor=1e-3 * scene.scenario.run.floor_mm,
-        rim=scene.rim,
-        enclosed=scene.rim or any(scene.guides),
-        swing=2.0 * max(kind.size for kind in scene.kinds),
-        frame_interval=scene.frame_interval,
-        outline=outline_arrays(scene.surface.outline),
-    )
 
 
 @inlined
@@ -253,8 +166,8 @@ class DepthLimit(NamedTuple):
     damping_ratio: float
 
 
-class Held(NamedTuple):
-    """What the states are held against; antinode: largest deflection of every mode shape (n_shapes,) [1]."""
+class Limits(NamedTuple):
+    """What the states must keep to; antinode: largest deflection of every mode shape (n_shapes,) [1]."""
 
     bodies: Bodies
     surface: SurfaceArrays
@@ -299,29 +212,29 @@ def no_states(n: int, parts: int) -> States:
 
 
 @entry_point
-def check_states(motion, held, states, everything):
+def check_states(motion, limits, states, everything):
     """Fill the states of a block of frames, up to the first frame with a violation; returns its row, n without one.
 
     Args:
         motion: the frames, n of them.
-        held: what they are held against.
+        limits: what they must keep to.
         states: are filled after the row of the frame before.
         everything: go on after a violation, and find all depths; else only those that are too large, which saves most
             of the work.
     """
-    n_shapes = held.antinode.shape[0]
+    n_shapes = limits.antinode.shape[0]
     modal, modes = np.empty((2, n_shapes)), np.empty((n_shapes, 3))
-    return _check_frames(motion, held, states, borrow(modal), borrow(modes), everything)
+    return _check_frames(motion, limits, states, borrow(modal), borrow(modes), everything)
 
 
 @uncounted
-def _check_frames(motion, held, states, modal, modes, everything):
+def _check_frames(motion, limits, states, modal, modes, everything):
     """As `check_states`, with room for modal coordinates and their rates, and for the shapes under a centre."""
     n, n_parts = motion.present.shape
-    bodies, surface, edge, value, mark = held.bodies, held.surface, held.edge, states.value, states.mark
+    bodies, surface, edge, value, mark = limits.bodies, limits.surface, limits.edge, states.value, states.mark
     for row in range(n):
         time, now = motion.time[row], row + 1  # in the states
-        fastest = _find_speeds(motion.state[row], motion.present[row], bodies.size, edge, held.energy, value, row)
+        fastest = _find_speeds(motion.state[row], motion.present[row], bodies.size, edge, limits.energy, value, row)
         moved, ends = False, False
         for i in range(n_parts):
             state, before = motion.state[row, i], mark[row, i]
@@ -331,8 +244,8 @@ def _check_frames(motion, held, states, modal, modes, everything):
             fallen = has_fallen(z, clear, before[FALLEN] != 0, edge)
             turned = _rotation(state)
             energy = energy_of(bodies.mass[i], bodies.inertia[i], z, v, spin, turned)
-            most = largest_energy(bodies.mass[i], time, held.energy)
-            allowed = _allowed_depth(max(value[now, i, SPEED], value[row, i, SPEED]), fastest, held.depth)
+            most = largest_energy(bodies.mass[i], time, limits.energy)
+            allowed = _allowed_depth(max(value[now, i, SPEED], value[row, i, SPEED]), fastest, limits.depth)
             depth = 0.0
             if present and clear and finite:
                 if not moved:
@@ -348,7 +261,7 @@ def _check_frames(motion, held, states, modal, modes, everything):
                         modal[1],
                     )
                 needed = 0.0 if everything else allowed
-                depth = _depth((x, y, z), turned, i, bodies, surface, held.antinode, modal[0], modes, needed)
+                depth = _depth((x, y, z), turned, i, bodies, surface, limits.antinode, modal[0], modes, needed)
             value[now, i, ENERGY], value[now, i, MOST_ENERGY] = energy, most
             value[now, i, DEPTH], value[now, i, ALLOWED] = depth, allowed
             mark[now, i, CLEAR], mark[now, i, FALLEN] = clear and depth <= allowed, fallen

@@ -134,7 +134,7 @@ def test_the_example_prints_draws_and_writes_what_it_computes(tmp_path: Path) ->
     assert {r["motion"] for r in rows if r["amplitude_um"] == "257"} == {"2"}
     # One impact per period: w = g T / (1 + e).
     assert float(rows[0]["impact_speed_mm_s"]) == pytest.approx(9810 * 0.02 / 1.2, rel=1e-4)
-    other = [sys.executable, script, REPOSITORY / "scenarios/drift_4750hz.toml", "--from", "1", "--to", "2"]
+    other = [sys.executable, str(script), str(REPOSITORY / "scenarios/drift_4750hz.toml"), "--from", "1", "--to", "2"]
     refused = subprocess.run(other, capture_output=True, text=True, check=False)
     assert refused.returncode == 1 and 'part[0].guide: must be kind = "slide"' in refused.stderr
 

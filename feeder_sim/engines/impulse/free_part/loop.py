@@ -80,10 +80,10 @@ def _through_window(frame, free, plate, clock, frames, seen):
     """
     part, kind, end = free.parts[0], free.kinds.record[0], plate.bounds.end
     while frame < frames.time.shape[0] and frames.interrupt[ENDED] == 0:
-        shown, t = frames.time[frame], clock[DUE]
-        if t >= shown:
+        frame_time, t = frames.time[frame], clock[DUE]
+        if t >= frame_time:
             seen[0] = part  # which itself is left as it is
-            move_to(seen[0], kind, shown, plate.surface)
+            move_to(seen[0], kind, frame_time, plate.surface)
             write_state(seen[0], kind, frames.row[frame, 0])
             frame += 1
             frames.interrupt[WHOLE] = frame
