@@ -11,6 +11,7 @@ them is run with fresh seeds, beside the recipe that the search began with.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Sequence
@@ -194,14 +195,15 @@ def read_history(ledger: Ledger, space: Space, aim: Aim, check_seeds: int) -> Hi
     trials: dict[int, Trial] = {}
     checks: dict[str, Checked] = {}
     for note in ledger.notes:
-        point = note["point"]
-        case = Case(space.scenario, note["case"], point or {}, done=dict(ledger.recorded(note["case"])))
-        if "trial" in note:
-            refused = note["refused"]
-            trials[note["trial"]] = Trial(note["trial"], point, None if refused else case, note["stopped"], refused)
-        else:
-            fresh = replace(aim, seeds=check_seeds)
-            checks[note["check"]] = _checked(point, _FullTrial(-1, {}, case), fresh)
+        with contextlib.suppress(KeyError, TypeError):  # of another program
+            point, name = note["point"], note["case"]
+            case = Case(space.scenario, name, point or {}, done=dict(ledger.recorded(name)))
+            if "trial" in note:
+                refused = note["refused"]
+                trials[note["trial"]] = Trial(note["trial"], point, None if refused else case, note["stopped"], refused)
+            else:
+                fresh = replace(aim, seeds=check_seeds)
+                checks[note["check"]] = _checked(point, _FullTrial(-1, {}, case), fresh)
     return History([trials[number] for number in sorted(trials)], *(checks.get(name) for name in CHECKS))
 
 
