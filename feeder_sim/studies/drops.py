@@ -146,9 +146,10 @@ def drop(
 
     with compilation_announced("drops", work.notify):
         in_daemon_thread(compile_engine)
-    attitude, rest_s, interrupt = np.empty((drops, 4)), np.empty(drops), new_interrupt()
+    attitude, rest_s = np.empty((drops, 4)), np.empty(drops)
+    interrupts = [new_interrupt() for _ in pieces]  # of each, since an engine counts its frames there
     with ThreadPoolExecutor(work.n_workers) as pool:
-        tasks = [pool.submit(compute, scene, starts[piece], interrupt) for piece in pieces]
+        tasks = [pool.submit(compute, scene, starts[p], each) for p, each in zip(pieces, interrupts, strict=True)]
         try:
             for piece, task in zip(pieces, tasks, strict=True):
                 while not wait([task], timeout=0.1).done:
@@ -157,7 +158,8 @@ def drop(
                 attitude[piece], rest_s[piece] = task.result()
                 work.progress(piece.stop / drops)
         finally:
-            interrupt[ENDED] = 1  # given up, or an error: what is left ends where it is
+            for interrupt in interrupts:
+                interrupt[ENDED] = 1  # given up, or an error: what is left ends where it is
     return DropStudy(part, engine, scene.scenario.contact, table.number(attitude), rest_s)
 
 

@@ -159,6 +159,7 @@ def test_commands_refuse_a_damaged_trajectory_at_once(killed: Path, tmp_path: Pa
     at = whole.index(b"OHDR", 1000)
     whole[at + 8] ^= 1
     (tmp_path / TRAJECTORY).write_bytes(whole)
+    (tmp_path / "run.json").write_text("{}")
     for command in (["replay"], ["report", "--out", tmp_path / "r.html"], ["run", "--resume"]):
         check_refused(feeder_sim(*command, tmp_path), "not a readable trajectory file")
 
