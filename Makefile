@@ -2,7 +2,7 @@
 BIN := .venv/bin
 SUBJECT ?= contact
 
-.PHONY: test quick slow lint docs all
+.PHONY: test quick slow lint library docs all
 
 test: # all but the slow ones
 	$(BIN)/pytest -n 2 --dist worksteal
@@ -21,6 +21,9 @@ lint:
 	$(BIN)/lint-imports
 	$(BIN)/python benchmarks/size.py --most
 	$(BIN)/tombi lint --offline scenarios models docs/tutorial
+
+library: # one of the libraries of machine code, another one from commit to commit, comes out as the same bytes
+	$(BIN)/python -m feeder_sim.machine_code.build --check $$((0x$$(git rev-parse --short=7 HEAD)))
 
 docs:
 	$(BIN)/sphinx-build -W -q docs docs/_build/html

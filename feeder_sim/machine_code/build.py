@@ -7,7 +7,7 @@ What is there and of the present sources is not built again.
     python -m feeder_sim.machine_code.build --noted    # build them alone: those of changed records are left out
     python -m feeder_sim.machine_code.build --check 7  # build the seventh again, and compare it with what is there
 
-Needs `cc` as linker. Two builds from the same sources, with the same numba and llvmlite, are the same bytes.
+Needs `cc` as linker. Two builds from the same sources, with the same Python, numba and llvmlite, are the same bytes.
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ import json
 import multiprocessing
 import os
 import pickle
+import platform
 import subprocess
 import tempfile
 from pathlib import Path
 from typing import Any
 
+import llvmlite
 import llvmlite.binding
 import numba
 from numba.core.bytecode import FunctionIdentity
@@ -114,6 +116,8 @@ PROCESSOR = "x86-64-v3"
 INDEX = FOLDER / "index.json"
 LIST = FOLDER / "variants.json"  # what the libraries were made of, for who builds them again
 LINK = ["cc", "-shared", "-s", "-nostartfiles", "-Wl,--gc-sections", "-Wl,--build-id=none"]
+PYTHON = ".".join(platform.python_version_tuple()[:2])
+TOOLS = f"Python {PYTHON}, numba {numba.__version__}, llvmlite {llvmlite.__version__}"  # the bytes depend on them
 MANY = 1 << 40  # elements, which nothing counts
 
 
@@ -163,7 +167,7 @@ def built(row: Row) -> tuple[str, dict[str, Any], bytes]:
         (Path(folder) / "code.o").write_bytes(machine_code)
         library = Path(folder) / "code.so"
         subprocess.run([*LINK, "-o", str(library), str(Path(folder) / "code.o"), "-lm"], check=True)
-        line = {"key": key_of(variant.entry), "returns": kind_to(kind)}
+        line = {"key": key_of(variant.entry), "returns": kind_to(kind), "tools": TOOLS}
         return variant.name, line, library.read_bytes()
 
 
@@ -220,14 +224,18 @@ def build_all(rows: dict[str, Row], workers: int) -> None:
 
 
 def check(row: Row) -> None:
-    """Build a variant again, and compare it with what is there.
+    """Build a variant again, and compare it with what is there, if that was made by the same tools.
 
     Raises:
         SystemExit: its sources have changed since, or it comes out as other bytes.
     """
     name, line, library = built(row)
-    if read(INDEX, {})[name]["key"] != line["key"]:
+    committed = read(INDEX, {})[name]
+    if committed["key"] != line["key"]:
         raise SystemExit(f"{name} is of other sources: python -m feeder_sim.machine_code.build")
+    if committed["tools"] != TOOLS:
+        print(f"{name} is not compared: built by {committed['tools']}, here is {TOOLS}")
+        return
     if (FOLDER / f"{name}.so").read_bytes() != library:
         raise SystemExit(f"{name} comes out as other bytes")
     print(f"{name} comes out as the same bytes")

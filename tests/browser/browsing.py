@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import shutil
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -51,8 +52,14 @@ def pixels(page: Any, within: str) -> NDArray[np.int64]:
         return np.asarray(image.convert("RGB"), np.int64)
 
 
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Ask again and again; an assertion fails where it takes longer than a page may."""
+    end = time.monotonic() + PATIENCE_MS / 1e3
+    while not condition():
+        assert time.monotonic() < end, "the page never showed it"
+
+
 def wait_for_change(page: Any, within: str, share: float = 1e-3) -> None:
     """Wait until a share of the pixels of an element is another one, as while it plays."""
     first = pixels(page, within)
-    while (np.abs(pixels(page, within) - first).max(axis=-1) > 30).mean() < share:
-        pass
+    wait_until(lambda: (np.abs(pixels(page, within) - first).max(axis=-1) > 30).mean() >= share)

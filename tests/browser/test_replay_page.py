@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browsing import browser_page, browsing, elsewhere, pixels, wait_for_change
+from browsing import browser_page, browsing, elsewhere, pixels, wait_for_change, wait_until
 from command_line import feeder_sim
 from conftest import REPOSITORY, strip_scenario
 
@@ -18,11 +18,16 @@ MAILED = 3_000_000  # bytes
 
 
 def wait_for_colours(page: object) -> None:
-    """Wait until pixels are red, and others blue: antinodes in opposite phase; the player fades in."""
-    share = 0.0
-    while share < 0.01:
+    """Wait until pixels are red, and others blue: antinodes in opposite phase.
+
+    The player fades in at each loop; a processor that draws by itself shows little but the first, dark pictures.
+    """
+
+    def coloured() -> bool:
         red, _, blue = np.moveaxis(pixels(page, "body"), -1, 0)
-        share = min(((red > 1.5 * blue) & (red > 60)).mean(), ((blue > 1.3 * red) & (blue > 60)).mean())
+        return min(((red > 1.3 * blue) & (red > 20)).mean(), ((blue > 1.2 * red) & (blue > 20)).mean()) > 0.01
+
+    wait_until(coloured)
 
 
 def test_a_replay_plays_from_a_file(tmp_path: Path) -> None:

@@ -64,16 +64,6 @@ def test_an_environment_variable_compiles(tmp_path: Path) -> None:
     assert started([name], tmp_path, FEEDER_SIM_COMPILE="1") == name
 
 
-@pytest.mark.slow
-def test_a_library_comes_out_as_the_same_bytes() -> None:
-    """One variant, another one from commit to commit."""
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=REPOSITORY, capture_output=True, text=True, check=False)
-    number = int(commit.stdout.strip()[:8] or "0", 16)
-    command = [sys.executable, "-m", "feeder_sim.machine_code.build", "--check", str(number)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
-    assert done.returncode == 0, done.stdout + done.stderr
-
-
 @pytest.mark.usefixtures("forgotten")
 @pytest.mark.parametrize("left", [None, "", "{", "[]"])
 def test_without_an_index_there_is_no_library(
