@@ -24,6 +24,7 @@ from feeder_sim.scenario import load_scenario
 
 MODE_FILE = REPOSITORY / "models/plate_180/modes.h5"
 BOUNCING = REPOSITORY / "scenarios/ball_50hz.toml"
+LATE = ("numba", "mujoco", "rerun", "trimesh", "scipy", "h5py", "matplotlib", "networkx", "optuna", "viser")
 SHORT = NUT_ON_STRIP | {"title": "short", "run": {"duration_s": 0.1, "seeds": 2}}
 
 
@@ -189,8 +190,15 @@ def test_help_does_not_load_the_heavy_libraries() -> None:
     code = (
         "import sys, typer.testing; from feeder_sim.cli.main import app;"
         "typer.testing.CliRunner().invoke(app, ['--help']);"
-        "print([m for m in ('numba', 'mujoco', 'rerun', 'trimesh', 'scipy', 'pydantic', 'h5py') if m in sys.modules])"
+        f"print([name for name in {(*LATE, 'pydantic')} if name in sys.modules])"
     )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("room", ["run.prepare", "report.document_of", "studies.sweep.sweep"])
+def test_what_is_rarely_needed_is_imported_late(room: str) -> None:
+    code = f"import sys, feeder_sim.{room}; print([name for name in {LATE} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

@@ -83,6 +83,7 @@ def feeder_sim_with(planks: Path, folder: Path, *words: str) -> subprocess.Compl
     return subprocess.run(command, capture_output=True, text=True, **held)  # type: ignore[call-overload]
 
 
+@pytest.mark.slow  # starts processes that start processes
 def test_a_package_adds_a_part_a_measure_and_an_engine(planks: Path, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(SCENARIO)
     words = ("sweep", "mine.toml", "--vary", "part[0].length_mm=4,8", "--measure", "highest_mm", "--json")

@@ -184,10 +184,8 @@ def test_a_second_process_compiles_nothing(copy: Copy) -> None:
     assert copy.files() == before
 
 
-@pytest.mark.parametrize(
-    ("argument", "values", "misses"),
-    [pytest.param(3, [7, -5], [1, 0], marks=pytest.mark.slow), (["begin", "end"], [6.0], [0, 0])],
-)
+@pytest.mark.slow  # compiles in three processes
+@pytest.mark.parametrize(("argument", "values", "misses"), [(3, [7, -5], [1, 0]), (["begin", "end"], [6.0], [0, 0])])
 def test_what_a_killed_process_has_compiled_is_not_compiled_again(
     argument: Any, values: list[float], misses: list[int], copy: Copy
 ) -> None:
@@ -205,6 +203,7 @@ def test_what_a_killed_process_has_compiled_is_not_compiled_again(
     assert copy.call(argument) == [values, 0]
 
 
+@pytest.mark.slow  # compiles in three processes
 def test_versions_that_two_processes_compiled_are_told_apart_by_a_third(copy: Copy) -> None:
     """Both compile the same function first, for records of which each is the first that it meets."""
     short, long = ["begin", "end"], ["begin", "middle", "end"]
@@ -212,6 +211,7 @@ def test_versions_that_two_processes_compiled_are_told_apart_by_a_third(copy: Co
     assert copy.call(short, long, short) == [[6.0, 12.0, 6.0], 0]
 
 
+@pytest.mark.slow  # compiles in three processes
 def test_a_function_of_another_file_is_the_present_one(copy: Copy) -> None:
     assert copy.call(3)[0] == expected(3)
     copy.edit("inner.py", "2 * x", "5 * x")
@@ -331,6 +331,7 @@ def test_folders_used_last_are_kept(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {*names[:MOST_FOLDERS], *others, "f" * LENGTH}
 
 
+@pytest.mark.slow  # compiles in two processes
 def test_a_folder_that_is_in_use_is_young(copy: Copy) -> None:
     """What is used again moves to the front, however long ago it was made."""
     copy.call(3)
@@ -342,7 +343,8 @@ def test_a_folder_that_is_in_use_is_young(copy: Copy) -> None:
     assert folder.exists() and len(list(folder.parent.iterdir())) == MOST_FOLDERS
 
 
-@pytest.mark.parametrize("place", ["file", pytest.param("file/below", marks=pytest.mark.slow)])
+@pytest.mark.slow  # compiles in two processes
+@pytest.mark.parametrize("place", ["file", "file/below"])
 def test_without_a_folder_for_machine_code_everything_is_compiled(place: str, copy: Copy, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     for _ in range(2):
@@ -359,8 +361,9 @@ def without_privilege() -> list[str]:
     return ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override"]
 
 
+@pytest.mark.slow  # compiles in two processes
 @pytest.mark.skipif(os.name != "posix", reason="folders are made read-only in another way")
-@pytest.mark.parametrize("filled", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.parametrize("filled", [False, True])
 def test_in_a_read_only_folder_what_is_missing_is_compiled(filled: bool, copy: Copy) -> None:
     copy.cache.mkdir()
     if filled:

@@ -19,6 +19,7 @@ feeder_sim.sweep(scenario, {"drive[0].amplitude_um": [200.0]}, seeds=1, workers=
 """
 
 
+@pytest.mark.slow  # starts four processes
 def test_a_script_without_a_guard_is_told_to_have_one(tmp_path: Path) -> None:
     """And once: processes that import it end without a word."""
     script = tmp_path / "unguarded.py"

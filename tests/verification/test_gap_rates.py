@@ -43,6 +43,7 @@ from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.scenario import Drive, Scenario
 from feeder_sim.scene.scene import build_scene
 
+pytestmark = pytest.mark.slow  # each kind of part and plate is compiled in a way of its own, for these functions
 MODES = Path(__file__).parents[2] / "models/plate_180/modes.h5"
 PARTS: dict[str, dict[str, Any]] = {
     "box": {"shape": "box", "size_mm": [9.0, 7.0, 5.0]},
@@ -69,11 +70,7 @@ MOMENTS = 1e-2 + 5e-3 * np.array([0.5, 0.6, 0.72, 0.8, 0.95, 1.0])  # [s]; the p
 STEP = 2e-6  # [s] between gaps
 ROUGH = 0.02  # of a third derivative, by differences
 LEAPS = 45.0  # 1 / sine of the angle between two lines, at most: the normal of nearly parallel ones is limited
-SLOW = ("rod", "coin", "tube", "rim", "box")  # all but the last are compiled in a way of their own
-EACH_PLATE, EACH_PART = (
-    pytest.mark.parametrize(name, [pytest.param(key, marks=pytest.mark.slow) if key in SLOW else key for key in of])
-    for name, of in (("plate", PLATES), ("name", PARTS))
-)
+EACH_PLATE, EACH_PART = (pytest.mark.parametrize("plate", PLATES), pytest.mark.parametrize("name", PARTS))
 SORTS = {BALL: "ball", LINES: "lines", FACE: "face", ROUND_FACE: "round face"}
 
 Floats = NDArray[np.float64]
@@ -323,8 +320,8 @@ AT_EDGES = pytest.mark.parametrize(
     [
         ("box", {"lines", "face"}),
         ("nut", {"lines", "face"}),
-        pytest.param("rod", {"lines"}, marks=pytest.mark.slow),
-        pytest.param("coin", {"lines"}, marks=pytest.mark.slow),
+        ("rod", {"lines"}),
+        ("coin", {"lines"}),
         ("ball", {"ball at an edge", "ball at a vertex"}),
     ],
 )
@@ -436,9 +433,7 @@ def closed(place: Place) -> Place:
     return place
 
 
-@pytest.mark.parametrize(
-    "where", [*(pytest.param(key, marks=pytest.mark.slow) for key in ("tube", "rim")), "still", "piston", "edge"]
-)
+@pytest.mark.parametrize("where", ["tube", "rim", "still", "piston", "edge"])
 @EACH_PART
 def test_rates_after_an_impact_are_those_of_a_fresh_look(name: str, where: str) -> None:
     rng = np.random.default_rng([list(PARTS).index(name), len(where), 3])

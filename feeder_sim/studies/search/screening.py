@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import qmc
 
 from feeder_sim.errors import InputError
 from feeder_sim.run.prepare import prepare
@@ -65,6 +64,8 @@ def screened(
         raise InputError(f"screens for the least {MEASURE} only, which a drift map can tell", argument="screen")
     if space.scenario.goal is None or space.scenario.n_parts > 1:
         raise InputError("needs a [goal] and a single part, which a drift map moves", argument="screen")
+    from scipy.stats import qmc  # takes a second to import
+
     exponent = max(1, int(np.ceil(np.log2(recipes))))
     shares = qmc.Sobol(len(space.parameters), rng=space.scenario.run.seed).random_base2(exponent)
     arrivals: list[tuple[float, Point]] = []
