@@ -406,7 +406,7 @@ def attack_file(campaign: Campaign, work: Path, held: tuple[Path, Path, list[byt
         files += sorted(place.glob("inputs/*"))
         file = rng.choice([files[0], *files])
         file.write_bytes(damaged(file.read_bytes(), rng))
-        ended = Ended("run", "--resume", place)
+        ended = Ended("resume", place)
         problem = ended.problem((0, 2))
         if not problem and ended.code == 0 and frames_of(place) != reference:
             problem = "went on to other numbers"
@@ -437,7 +437,7 @@ def reference_run(work: Path) -> tuple[Path, list[bytes]]:
 def finish(run: Path, scenario: Path) -> Ended:
     """Go on with a run that was stopped in any way."""
     begun = (run / "scenario.toml").exists() or (run / "trajectory.h5").exists()
-    return Ended("run", "--resume", run) if begun else Ended("run", scenario, "--out", run)
+    return Ended("resume", run) if begun else Ended("run", scenario, "--out", run)
 
 
 def conclude(campaign: Campaign, run: Path, problem: str, reference: list[bytes], well: str) -> None:
@@ -460,7 +460,7 @@ def attack_by_kills(campaign: Campaign, work: Path, rng: random.Random, count: i
         ended = Ended("run", scenario, "--out", run, signals=(rng.uniform(0.2, 4.0), number))
         for _ in range(rng.randrange(3)):
             if (run / "trajectory.h5").exists() and ended.code != 0:
-                ended = Ended("run", "--resume", run, signals=(rng.uniform(0.2, 3.0), number))
+                ended = Ended("resume", run, signals=(rng.uniform(0.2, 3.0), number))
         if ended.code != 0:
             ended = finish(run, scenario)
         problem = ended.problem((0, 2) if "has ended" in ended.err else (0,))
@@ -494,7 +494,7 @@ def attack_by_pairs(campaign: Campaign, work: Path, rng: random.Random, count: i
         if rng.random() < 0.5:
             Ended("run", scenario, "--out", run, signals=(rng.uniform(1.5, 2.5), signal.SIGKILL))
             if (run / "scenario.toml").exists():
-                commands = [("run", "--resume", run)] * 2
+                commands = [("resume", run)] * 2
         with ThreadPoolExecutor(2) as pool:
             both = list(pool.map(lambda command: Ended(*command), commands))
         problem = "".join(ended.problem((0, 2)) for ended in both)

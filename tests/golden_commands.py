@@ -23,8 +23,8 @@ FOLDERS = ("run", "sweep", "uncertainty", "optimise", "map")
 COMMANDS = (
     "check ball.toml",
     "check separation_100",
-    "run ball.toml --out run --inputs 2",
-    "run ball.toml --out other --inputs 2 --set drive[0].amplitude_um=240",
+    "run ball.toml --out run",
+    "run ball.toml --out other --set drive[0].amplitude_um=240",
     "run ball.toml --dry-run",
     "compare run other",
     "report run --out run.html",

@@ -54,7 +54,6 @@ _SCENARIO: Any = typer.Argument(
     help="Scenario file (TOML), or the name of an example.", show_default=False, autocompletion=complete_scenario
 )
 ScenarioFile = Annotated[Path, _SCENARIO]
-OptionalScenarioFile = Annotated[Path | None, _SCENARIO]
 
 
 def scenario_of(

@@ -22,7 +22,7 @@ def plan_lines(plan: dict[str, Any]) -> str:
         lines.append(f"And {counted(more, 'more drive')}, which --full describes.")
     if plan["antinode_to_node_mm"] is not None:
         lines.append(f"From antinode to node it is {plan['antinode_to_node_mm']:.4g} mm.")
-    lines += [_parts(plan), f"The engine is {plan['engine']}: {plan['engine_because']}.", *_cost(plan)]
+    lines += [_parts(plan), f"The engine is {plan['engine']}: {plan['engine_because']}.", _cost(plan)]
     lines += [_measures(plan["measures"])]
     recommendations = [line for line in plan["recommended"] if not line.startswith("nothing")]
     for title, entries in (("Warnings", plan["warnings"]), ("Advice", recommendations)):
@@ -64,15 +64,11 @@ def _parts(plan: dict[str, Any]) -> str:
     return f"On {size} mm of plate: {', '.join(kinds)}."
 
 
-def _cost(plan: dict[str, Any]) -> list[str]:
+def _cost(plan: dict[str, Any]) -> str:
     most = " at most" if plan["estimates_are_upper_bounds"] else ""
     run = f"{counted(plan['seeds'], 'seed')} of {plan['simulated_s']:.4g} s in steps of {plan['timestep_us']:.3g} us"
     cost = f"{_time(plan['estimated_wall_s'])} on this machine and {number(plan['estimated_file_size_mb'], 2)} MB"
-    lines = [f"{run}: {cost}{most}."]
-    if plan["input_runs"]:
-        after = _time(plan["estimated_inputs_wall_s"])
-        lines.append(f"Then {plan['input_runs']} runs at draws of the uncertain inputs: {after}.")
-    return lines
+    return f"{run}: {cost}{most}."
 
 
 def _time(seconds: float) -> str:

@@ -164,11 +164,11 @@ LONGEST_TEXT = 300  # characters of a title or a line that holds one
 MOST_ENTRIES = 30  # of a list of texts, such as the names of measures of a long schedule
 
 
-def print_result(result: Result, folder: Path, as_json: bool, more: dict[str, Any]) -> None:
-    """Print the findings of a run, in words or as one JSON object, which takes `more` as well."""
+def print_result(result: Result, folder: Path, as_json: bool) -> None:
+    """Print the findings of a run, in words or as one JSON object."""
     summary = result.summary()
     if as_json:
-        print(json.dumps(summary | {"folder": str(folder)} | more))
+        print(json.dumps(summary | {"folder": str(folder)}))
         return
     from feeder_sim.measures.protocol import labelled
 

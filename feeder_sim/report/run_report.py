@@ -19,7 +19,6 @@ from feeder_sim.report.run_curves import curves
 from feeder_sim.report.run_pictures import parts_picture, plate_picture, player, screenshot
 from feeder_sim.report.scenario_tables import scenario_blocks
 from feeder_sim.run.run_folder import RESOLVED
-from feeder_sim.studies.uncertainty.uncertainty import UncertaintyQuestion
 
 HOW_ENDED = {
     Status.UNFINISHED: "not finished",
@@ -27,7 +26,6 @@ HOW_ENDED = {
     Status.DIVERGED: "stopped, since their state was not valid",
     Status.LEFT_PLATE: "ended when all parts had left the plate",
 }
-DRAWS_OF_RUN = "uncertainty"  # folder of the draws of uncertain inputs, in that of a run
 Progress = Callable[[float], None]
 
 
@@ -121,11 +119,6 @@ def _warnings(run: Recorded) -> tuple[Block, ...]:
     """Settings that mislead, failures, and what else limits the results."""
     lines: list[Block] = [Text(sentence(str(failure)), "failure") for failure in run.result.failures]
     lines += [Text(sentence(warning), "warning") for warning in run.result.prepared.warnings]
-    if run.result.prepared.scenario.uncertain:
-        text = "Inputs of the scenario are uncertain: intervals here are over the seeds at its own values only."
-        if (run.folder / DRAWS_OF_RUN / UncertaintyQuestion.file).is_file():
-            text += f" This makes a page of its draws: feeder-sim report {shlex.quote(str(run.folder / DRAWS_OF_RUN))}"
-        lines.append(Text(text, "warning"))
     unresolved = Counts.total(run.recording.records).unresolved_impacts
     if unresolved:
         lines.append(
@@ -187,4 +180,4 @@ def _command(run: Recorded) -> str:
 
 
 def _resume(run: Recorded) -> str:
-    return f"feeder-sim run --resume {shlex.quote(str(run.folder))}"
+    return f"feeder-sim resume {shlex.quote(str(run.folder))}"

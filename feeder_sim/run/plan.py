@@ -138,7 +138,6 @@ class Plan:
             takes `robot.pick_s` more.
         steps_per_seed, seeds, frames_per_seed: numbers.
         estimated_wall_s: on this machine, with all cores.
-        input_runs, estimated_inputs_wall_s: at draws of uncertain inputs, which come after that; 0 without any.
         estimated_file_size_mb: of the run folder.
         measures: names of what it will measure, such as --maximise and --measure take; those of the whole run first.
         warnings, recommended: lines of feeder_sim.run.prepare.
@@ -162,8 +161,6 @@ class Plan:
     seeds: int
     frames_per_seed: int
     estimated_wall_s: float
-    input_runs: int
-    estimated_inputs_wall_s: float
     estimated_file_size_mb: float
     measures: list[str]
     warnings: list[str]
@@ -171,22 +168,16 @@ class Plan:
     estimates_are_upper_bounds: bool
 
 
-def plan_run(prepared: Prepared, input_runs: int = 0) -> dict[str, Any]:
+def plan_run(prepared: Prepared) -> dict[str, Any]:
     """The plan of a run as JSON takes it; see `make_plan`."""
-    plan: dict[str, Any] = as_json(make_plan(prepared, input_runs))
+    plan: dict[str, Any] = as_json(make_plan(prepared))
     return plan
 
 
-def make_plan(prepared: Prepared, input_runs: int = 0) -> Plan:
-    """Describe a run; a short trial of its engine says how long it takes.
-
-    Args:
-        prepared: what is to be run.
-        input_runs: of one seed each, at draws of uncertain inputs; counted where there are such inputs.
-    """
+def make_plan(prepared: Prepared) -> Plan:
+    """Describe a run; a short trial of its engine says how long it takes."""
     scene, cell, engine = prepared.scene, prepared.cell, prepared.engine
     run, surface = scene.scenario.run, scene.surface
-    input_runs = input_runs if scene.scenario.uncertain else 0
     return Plan(
         title=scene.scenario.title,
         engine=engine.name,
@@ -205,8 +196,6 @@ def make_plan(prepared: Prepared, input_runs: int = 0) -> Plan:
         seeds=run.seeds,
         frames_per_seed=scene.n_frames,
         estimated_wall_s=_wall_seconds(prepared, run.seeds),
-        input_runs=input_runs,
-        estimated_inputs_wall_s=_wall_seconds(prepared, input_runs) if input_runs else 0,
         estimated_file_size_mb=1e-6 * _file_size(scene),
         measures=sorted(names_of_measures(prepared), key=lambda name: "[" in name),
         warnings=list(prepared.warnings),

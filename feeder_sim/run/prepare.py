@@ -188,7 +188,11 @@ def setting_warnings(scene: Scene, engine: Choice) -> list[str]:
 def ignored_uncertainty(scenario: Scenario) -> list[str]:
     """The warning about uncertain inputs, wherever a scenario is run as it is and no values of them are drawn."""
     keys = ", ".join(scenario.uncertain or ())
-    return [f"{keys}: uncertain inputs, which have the values of the scenario here, not those of draws"] if keys else []
+    return (
+        [f"{keys}: uncertain inputs, which have the values of the scenario here; `uncertainty` draws them"]
+        if keys
+        else []
+    )
 
 
 def _motion_warnings(scene: Scene) -> list[str]:

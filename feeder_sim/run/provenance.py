@@ -103,22 +103,22 @@ def changed_inputs(then: dict[str, str], scenario: Scenario) -> list[str]:
     return _different(then, now)
 
 
-def check_inputs(then: dict[str, str], scenario: Scenario, folder: Path, key: str | None = None) -> None:
-    """Refuse to go on with a run whose files are no longer those that it has read; `key` is for the message.
+def check_inputs(then: dict[str, str], scenario: Scenario, folder: Path) -> None:
+    """Refuse to go on with a run whose files are no longer those that it has read.
 
     Raises:
         InputError: a file is missing or has another content.
     """
-    _refuse(changed_inputs(then, scenario), folder, "was begun with another content of", key)
+    _refuse(changed_inputs(then, scenario), folder, "was begun with another content of")
 
 
-def check_libraries(then: dict[str, str], folder: Path, key: str | None = None) -> None:
-    """Refuse to go on with a run that was made by other libraries; `key` is for the message.
+def check_libraries(then: dict[str, str], folder: Path) -> None:
+    """Refuse to go on with a run that was made by other libraries.
 
     Raises:
         InputError: it names the first of them.
     """
-    _refuse(_different(then, library_versions()), folder, "was begun with another version of", key)
+    _refuse(_different(then, library_versions()), folder, "was begun with another version of")
 
 
 def _different(then: dict[str, str], now: dict[str, str]) -> list[str]:
@@ -126,6 +126,6 @@ def _different(then: dict[str, str], now: dict[str, str]) -> list[str]:
     return sorted({name for name, _ in set(then.items()) ^ set(now.items())})
 
 
-def _refuse(changed: list[str], folder: Path, problem: str, key: str | None) -> None:
+def _refuse(changed: list[str], folder: Path, problem: str) -> None:
     if changed:
-        raise InputError(f"{problem} {changed[0]}, must be the same one", file=folder, key=key)
+        raise InputError(f"{problem} {changed[0]}, must be the same one", file=folder)

@@ -23,7 +23,7 @@ from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.compilation import announced
 from feeder_sim.run.keep import AllFrames, Retention, check_retention
-from feeder_sim.run.prepare import ignored_uncertainty, prepare
+from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import check_inputs, check_libraries, input_hashes, library_versions
 from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.simulation import Result, check_starts, simulate
@@ -201,7 +201,7 @@ def resume_run(folder: str | Path, *, replay: bool = True, work: Work | None = N
     """
     folder, work = Path(folder), work or Work()
     if not (folder / RUN).is_file():
-        raise InputError(f"no run here, must be a folder that holds {RUN}", file=folder, key="--resume")
+        raise InputError(f"no run here, must be a folder that holds {RUN}", file=folder)
     with locked(folder):
         if not (folder / TRAJECTORY).exists():
             prepared = prepare(_started_scenario(folder))
@@ -209,10 +209,10 @@ def resume_run(folder: str | Path, *, replay: bool = True, work: Work | None = N
             return _fill_folder(folder, prepared, {}, replay=replay, record=AllFrames(), work=work)
         recording = recording_of(folder)
         if Status.UNFINISHED not in recording.status and (folder / SUMMARY).exists():
-            raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
-        check_libraries(recording.libraries, folder, "--resume")
+            raise InputError("has ended, there is nothing to resume", file=folder)
+        check_libraries(recording.libraries, folder)
         scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
-        check_inputs(recording.inputs, scenario, folder, "--resume")
+        check_inputs(recording.inputs, scenario, folder)
         # Of a seed that diverged and left no last states, why is not known any more: it does so again.
         ended = {
             index: seed
@@ -292,8 +292,7 @@ def _run_into(
         writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         remove_replays(folder)  # built from the file that was here before
         for warning in prepared.warnings:
-            if warning not in ignored_uncertainty(scenario):  # draws may follow, and the command says so
-                work.notify(f"warning: {warning}")
+            work.notify(f"warning: {warning}")
         result = simulate(
             prepared, record=record, work=work, recorder=recorder, ended=ended, wall_s_before=wall_s_before
         )

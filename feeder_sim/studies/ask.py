@@ -137,20 +137,40 @@ def merged(path: Path, measure: str | None = None) -> Study:
     return study
 
 
+def resume_study(path: Path, work: Work) -> Study:
+    """Go on with the question in a folder, as it was asked there.
+
+    Raises:
+        InputError: a file of it cannot be read, or the folder is in use.
+        RecordingFailed: the folder cannot be written.
+    """
+    question, scenario = _question_in(path), load_scenario(path / SCENARIO)
+    return ask(question, scenario, folder_of(question, scenario, path), file=path / SCENARIO, work=work)
+
+
+def _question_in(path: Path) -> Question:
+    """The question that a folder holds.
+
+    Raises:
+        InputError: it holds none, or one that cannot be read.
+    """
+    kind = kind_of(path)
+    if kind is None:
+        allowed = ", ".join(kind.file for kind in KINDS.values())
+        raise InputError(f"holds no question of many runs, must be a folder with one of {allowed}", file=path)
+    return kind.read(path)
+
+
 def open_study(folder: Path) -> Study:
     """The answer that a folder holds, as far as it has come; nothing is run.
 
     Raises:
         InputError: it holds no question of many runs, or a file of it cannot be read.
     """
-    kind = kind_of(folder)
-    if kind is None:
-        allowed = ", ".join(kind.file for kind in KINDS.values())
-        raise InputError(f"holds no question of many runs, must be a folder with one of {allowed}", file=folder)
-    ledger = Ledger(sorted(folder.glob(f"{JOURNAL}*.jsonl")))
+    question, ledger = _question_in(folder), Ledger(sorted(folder.glob(f"{JOURNAL}*.jsonl")))
     if not len(ledger):
-        raise InputError(f"holds no seed of the {kind.kind} yet, the same command goes on", file=folder)
+        raise InputError(f"holds no seed of the {question.kind} yet, feeder-sim resume goes on", file=folder)
     file = folder / SCENARIO
-    plan = kind.read(folder).plan(load_scenario(file), file)
+    plan = question.plan(load_scenario(file), file)
     plan.take(ledger, recorded=True)
     return plan.study(plan.all_done, 0)

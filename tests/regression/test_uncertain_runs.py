@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from command_line import check_refused, feeder_sim
-from conftest import BALL_ON_SLIDE, REPOSITORY, StopsAfter, toml_of
+from conftest import BALL_ON_SLIDE, toml_of
 
 from feeder_sim.document.figure import empty_figure
 from feeder_sim.jobs import workers
 from feeder_sim.jobs.workers import Workers, workers_of
 from feeder_sim.plots.uncertainty import draw_values
-from feeder_sim.run import run_folder
-from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.work import Work
 from feeder_sim.studies.uncertainty.spread import spread_of
 from feeder_sim.studies.uncertainty.uncertainty import Uncertainty, UncertaintyQuestion
@@ -60,36 +56,21 @@ def test_what_cannot_be_asked_is_refused_before_anything_is_written(
     assert [*tmp_path.iterdir()] == [ball]
 
 
-def test_a_run_goes_on_with_as_many_draws_as_it_was_begun_with(ball: Path, tmp_path: Path) -> None:
-    out = tmp_path / "run"
-    done = feeder_sim("run", ball, "--inputs", 3, "--out", out, "--json")
-    assert done.returncode == 0, done.stderr
-    assert NOT_DRAWN not in done.stderr  # beside what the draws have come to
+def test_a_run_takes_the_values_of_the_scenario_and_says_so(ball: Path, tmp_path: Path) -> None:
+    done = feeder_sim("run", ball, "--out", tmp_path / "run", "--json")
+    assert done.returncode == 0 and NOT_DRAWN in done.stderr
     assert any(NOT_DRAWN in warning for warning in json.loads(done.stdout)["warnings"])
-    speed = json.loads(done.stdout)["uncertainty"]["measures"]["highest_rise_mm"]
+    assert any(NOT_DRAWN in warning for warning in json.loads(feeder_sim("check", ball, "--json").stdout)["warnings"])
+
+
+def test_each_draw_has_seeds_of_its_own(ball: Path, tmp_path: Path) -> None:
+    done = feeder_sim("uncertainty", ball, "--inputs", 3, "--seeds", 2, "--out", tmp_path / "u", "--json")
+    assert done.returncode == 0, done.stderr
+    speed = json.loads(done.stdout)["measures"]["highest_rise_mm"]
     assert speed["draws"] == 3 and speed["low"] < speed["median"] < speed["high"] and speed["sd_seeds"] > 0.0
-    with (out / "uncertainty/draws.csv").open(newline="") as file:
-        assert sorted(int(row["seed"]) for row in csv.DictReader(file)) == [*range(6)]  # each draw has its own
-    assert (out / "uncertainty/uncertainty.png").is_file()
-    for anew in ((), ("--inputs", 3)):
-        again = feeder_sim("run", "--resume", out, "--json", *anew)
-        assert again.returncode == 0 and NOT_DRAWN not in again.stderr
-        assert json.loads(again.stdout)["uncertainty"] == json.loads(done.stdout)["uncertainty"]
-        shutil.move(out / "uncertainty", tmp_path / f"before{len(anew)}")
-    shutil.move(tmp_path / "before2", out / "uncertainty")
-    check_refused(feeder_sim("run", "--resume", out, "--inputs", 4), "--inputs: is 4, must be 3, which the run")
-    (out / "uncertainty/uncertainty.toml").write_text("inputs = true")
-    check_refused(feeder_sim("run", "--resume", out), "uncertainty.toml: inputs: is True, must be a whole number")
-
-
-def test_the_plan_counts_the_draws(ball: Path) -> None:
-    many = json.loads(feeder_sim("run", ball, "--inputs", 1000, "--dry-run", "--json").stdout)
-    usual = json.loads(feeder_sim("check", ball, "--json").stdout)
-    assert many["input_runs"] == 2000 and usual["input_runs"] == 32 and usual["seeds"] == 2
-    assert many["estimated_inputs_wall_s"] > 10.0 * many["estimated_wall_s"] > 0.0  # a thousand times on two cores
-    known = json.loads(feeder_sim("check", REPOSITORY / "scenarios/ball_50hz.toml", "--json").stdout)
-    assert known["input_runs"] == known["estimated_inputs_wall_s"] == 0
-    assert feeder_sim("run", ball, "--inputs", 5000, "--dry-run").returncode == 2
+    with (tmp_path / "u/draws.csv").open(newline="") as file:
+        assert sorted(int(row["seed"]) for row in csv.DictReader(file)) == [*range(6)]
+    assert (tmp_path / "u/uncertainty.png").is_file()
 
 
 def test_draws_that_have_more_seeds_than_asked_for_keep_them(ball: Path, tmp_path: Path) -> None:
@@ -98,20 +79,18 @@ def test_draws_that_have_more_seeds_than_asked_for_keep_them(ball: Path, tmp_pat
     assert "draws keep the seeds that they had" in feeder_sim(*asked, "--seeds", 1).stderr
 
 
-def test_an_interrupted_run_keeps_how_many_draws_were_asked_for(
-    ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupted(*given: Any, work: Work, **named: Any) -> Any:
-        return record_run(*given, work=replace(work, stop=StopsAfter(1)), **named)
-
-    monkeypatch.setattr(run_folder, "record_run", interrupted)
-    out = tmp_path / "run"
-    begun = feeder_sim("run", ball, "--inputs", 3, "--out", out)
-    assert begun.returncode == 130 and NOT_DRAWN in begun.stderr
-    done = feeder_sim("run", "--resume", out, "--json")
-    assert done.returncode == 0, done.stderr
-    measures = json.loads(done.stdout)["uncertainty"]["measures"]
-    assert {found["draws"] for found in measures.values()} == {3}
+def test_a_study_that_was_interrupted_is_resumed_as_it_was_asked(ball: Path, tmp_path: Path) -> None:
+    words = ("uncertainty", ball, "--inputs", 3, "--seeds", 2, "--json")
+    whole = json.loads(feeder_sim(*words, "--out", tmp_path / "whole").stdout)
+    feeder_sim(*words, "--out", tmp_path / "cut")
+    journal = tmp_path / "cut/journal.jsonl"
+    journal.write_text("".join(journal.read_text().splitlines(keepends=True)[:2]))
+    (tmp_path / "cut/draws.csv").unlink()
+    resumed = feeder_sim("resume", tmp_path / "cut", "--json")
+    assert resumed.returncode == 0, resumed.stderr
+    assert json.loads(resumed.stdout)["measures"] == whole["measures"]
+    assert (tmp_path / "cut/draws.csv").read_bytes() == (tmp_path / "whole/draws.csv").read_bytes()
+    check_refused(feeder_sim("resume", tmp_path / "cut", "--replay"), "--replay: is the folder of a study")
 
 
 def test_inputs_that_are_not_told_apart_from_the_seeds_are_said_to_be_so() -> None:

@@ -160,7 +160,7 @@ def test_commands_refuse_a_damaged_trajectory_at_once(killed: Path, tmp_path: Pa
     whole[at + 8] ^= 1
     (tmp_path / TRAJECTORY).write_bytes(whole)
     (tmp_path / "run.json").write_text("{}")
-    for command in (["replay"], ["report", "--out", tmp_path / "r.html"], ["run", "--resume"]):
+    for command in (["replay"], ["report", "--out", tmp_path / "r.html"], ["resume"]):
         check_refused(feeder_sim(*command, tmp_path), "not a readable trajectory file")
 
 
@@ -172,7 +172,7 @@ def test_run_does_not_go_on_with_another_version(changed: str, tmp_path: Path, m
     (tmp_path / SUMMARY).unlink()
     other = versions | {changed: versions[changed] + "0"}
     monkeypatch.setattr(provenance, "library_versions", lambda: other)
-    with pytest.raises(InputError, match=f"--resume: was begun with another version of {changed}, must be the same"):
+    with pytest.raises(InputError, match=f"was begun with another version of {changed}, must be the same"):
         resume_run(tmp_path, replay=False)
 
 

@@ -29,7 +29,7 @@ COMMANDS = {
         ("trials.csv", "check.csv", "best.toml"),
     ),
     "map": ("map drift_8775hz --frequency 8000,8775 --amplitude 0.8,1 --seeds 8", ("map.csv",)),
-    "run": ("run ball.toml --set run.seeds=400 --set run.duration_s=5 --inputs 2", ()),
+    "run": ("run ball.toml --set run.seeds=400 --set run.duration_s=5", ()),
 }
 
 
@@ -67,7 +67,7 @@ def kill_again_and_again(words: list[str], folder: Path) -> list[str]:
         process.kill()
         process.wait()
         if words[0] == "run" and (folder / "cut/run.json").exists():
-            words = ["run", "--resume", "cut"]
+            words = ["resume", "cut"]
     assert hit >= (KILLS // 2 if words[0] == "sweep" else 1)  # or nothing was at stake
     return words
 

@@ -100,7 +100,7 @@ def test_a_run_under_way_is_not_resumed_beside_itself(tmp_path: Path) -> None:
         [sys.executable, "-c", HOLD, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
         assert other.stdin and other.stdout and other.stdout.readline() == "held\n"
-        check_refused(feeder_sim("run", "--resume", tmp_path), "is in use", "one process")
+        check_refused(feeder_sim("resume", tmp_path), "is in use", "one process")
         after = contents(tmp_path)
         other.stdin.close()
     assert {name: after[name] for name in before} == before
@@ -154,18 +154,25 @@ def test_a_run_that_was_killed_before_its_first_block_begins_anew(
 @pytest.mark.parametrize("content", ["{", "[]", '{"format": 2, "scenario": ""}'])
 def test_a_begin_that_cannot_be_read_is_refused(content: str, tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text(content)
-    check_refused(feeder_sim("run", "--resume", tmp_path), "run.json")
+    check_refused(feeder_sim("resume", tmp_path), "run.json")
 
 
 @pytest.mark.parametrize(
-    "beside",
-    [[], ["plate.toml", "notebook.ipynb"], [LOCK, "sweep.toml", "journal.jsonl"], [LOCK, "uncertainty.toml", "inputs"]],
+    ("beside", "problem"),
+    [
+        ([], ": no run here, must be a folder that holds"),
+        (["plate.toml", "notebook.ipynb"], ": no run here, must be a folder that holds"),
+        ([LOCK, "sweep.toml", "journal.jsonl"], "sweep.toml: drive: unknown key"),
+        ([LOCK, "uncertainty.toml", "inputs"], "uncertainty.toml: drive: unknown key"),
+    ],
 )
-def test_a_scenario_in_a_folder_of_the_user_or_of_a_question_is_no_run(beside: list[str], tmp_path: Path) -> None:
+def test_a_scenario_in_a_folder_of_the_user_or_of_no_question_is_not_resumed(
+    beside: list[str], problem: str, tmp_path: Path
+) -> None:
     for name in ("scenario.toml", *beside):
         (tmp_path / name).write_text(toml_of(BALL_ON_SLIDE))
     before = contents(tmp_path)
-    check_refused(feeder_sim("run", "--resume", tmp_path), "--resume: no run here, must be a folder that holds")
+    check_refused(feeder_sim("resume", tmp_path), problem)
     assert contents(tmp_path) == before
 
 
@@ -176,7 +183,7 @@ def test_what_a_kill_before_the_first_file_leaves_is_as_good_as_empty(tmp_path: 
 
 
 @pytest.mark.parametrize("name", ["trajectory.h5", "run.json", "scenario.toml", "replay.rrd", "inputs/modes.h5", LOCK])
-@pytest.mark.parametrize("command", ["run --replay --resume run", "replay run --screenshot a.png"])
+@pytest.mark.parametrize("command", ["resume --replay run", "replay run --screenshot a.png"])
 def test_links_in_a_run_folder_are_not_followed(name: str, command: str, tmp_path: Path) -> None:
     cut_short(tmp_path / "run", with_inputs(duration_s=0.05))
     linked, mine = tmp_path / "run" / name, tmp_path / "mine"
@@ -455,8 +462,8 @@ def unmeasured(path: Path) -> None:
     ("name", "spoil", "said"),
     [
         ("box.stl", Path.unlink, "inputs/box.stl: cannot be read: No such file"),
-        ("box.stl", other_box, "--resume: was begun with another content of part[0].file"),
-        ("modes.h5", unmeasured, "--resume: was begun with another content of plate.mode_file"),
+        ("box.stl", other_box, "was begun with another content of part[0].file"),
+        ("modes.h5", unmeasured, "was begun with another content of plate.mode_file"),
     ],
 )
 def test_a_run_does_not_go_on_without_its_inputs_or_with_others(
@@ -465,7 +472,7 @@ def test_a_run_does_not_go_on_without_its_inputs_or_with_others(
     record_run(load_scenario(scenario), tmp_path / "run", replay=False)
     (tmp_path / "run/summary.json").unlink()  # as if it had been killed just before its end
     spoil(tmp_path / "run/inputs" / name)
-    check_refused(feeder_sim("run", "--resume", tmp_path / "run"), said)
+    check_refused(feeder_sim("resume", tmp_path / "run"), said)
 
 
 def test_pieces_beside_a_mesh_are_copied_with_it(tmp_path: Path) -> None:

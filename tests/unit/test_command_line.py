@@ -237,7 +237,7 @@ def test_every_kind_of_summary_is_printed(
 ) -> None:
     """Of an ensemble with nothing in it yet, which has every key and no numbers."""
     scenario = load_scenario(repository / f"scenarios/{name}.toml")
-    print_result(Result(prepare(scenario), (), 1.0), tmp_path, False, {})
+    print_result(Result(prepare(scenario), (), 1.0), tmp_path, False)
     printed = capsys.readouterr().out
     assert printed.startswith(scenario.title) and "recorded in" in printed
     assert ("arrived" in printed) == (name == "transport_strip")

@@ -1,0 +1,155 @@
+"""The commands about a run: `check` before it, `run`, and `resume` after a break, of a study too."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from feeder_sim.cli.files import (
+    AsJson,
+    Dask,
+    EngineName,
+    ScenarioFile,
+    Seed,
+    Seeds,
+    Set,
+    StallAfter,
+    ThreadCount,
+    file_in_errors,
+    options_in_errors,
+    scenario_of,
+    writable,
+)
+from feeder_sim.cli.report import as_lines, print_result
+from feeder_sim.cli.study import finish, print_study
+from feeder_sim.cli.terminal import at_terminal
+from feeder_sim.errors import InputError, Interrupted, printable
+
+if TYPE_CHECKING:
+    from feeder_sim.run.simulation import Result
+    from feeder_sim.run.work import Work
+    from feeder_sim.scenario import Scenario
+
+WithReplay = Annotated[
+    bool, typer.Option("--replay", help="Build the replay at once; else when it is first looked at.")
+]
+
+
+def run(
+    scenario_file: ScenarioFile,
+    engine: EngineName = None,
+    seeds: Seeds = None,
+    seed: Seed = None,
+    settings: Set = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the run [runs/NAME-001, -002, ...].")] = None,
+    as_json: AsJson = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, as `check` does.")] = False,
+    stall_after: StallAfter = None,
+    workers: ThreadCount = None,
+    dask: Dask = None,
+    replay_too: WithReplay = False,
+) -> None:
+    """Simulate a scenario and record it."""
+    given = _work(workers, stall_after)
+    scenario = scenario_of(scenario_file, engine, seeds, seed, settings)
+    with file_in_errors(scenario_file):
+        from feeder_sim.run.run_folder import check_free, fresh_folder, record_run
+
+        if out is not None:
+            check_free(out)
+        if dry_run:
+            _print_plan(scenario, as_json)
+            return
+        folder = out or fresh_folder(scenario_file.stem)
+        try:
+            with at_terminal(given, scenario.title or scenario_file.stem, dask) as work:
+                result = record_run(scenario, folder, replay=replay_too, work=work)
+        except BaseException:
+            if out is None:
+                with contextlib.suppress(OSError):  # it holds something
+                    folder.rmdir()
+            raise
+    _finish_run(result, folder, as_json)
+
+
+def resume(
+    folder: Annotated[Path, typer.Argument(help="Folder of a run or a study.", show_default=False)],
+    as_json: AsJson = False,
+    stall_after: StallAfter = None,
+    workers: ThreadCount = None,
+    dask: Dask = None,
+    replay_too: WithReplay = False,
+) -> None:
+    """Go on with a run or a study that was interrupted or killed."""
+    from feeder_sim.studies.ask import kind_of, resume_study
+
+    given = _work(workers, stall_after)
+    if kind_of(folder) is None:
+        from feeder_sim.run.run_folder import resume_run
+
+        with at_terminal(given, str(folder), dask) as work:
+            result = resume_run(folder, replay=replay_too, work=work)
+        _finish_run(result, folder, as_json)
+        return
+    if replay_too:
+        raise InputError("is the folder of a study, which has no replay", file=folder, key="--replay")
+    with options_in_errors(), at_terminal(given, str(folder), dask) as work:
+        study = resume_study(folder, work)
+    print_study(study, folder, as_json)
+    finish(study, goes_on="the same command goes on")
+
+
+def check(
+    scenario_file: ScenarioFile,
+    engine: EngineName = None,
+    seeds: Seeds = None,
+    settings: Set = None,
+    as_json: AsJson = False,
+    full: Annotated[bool, typer.Option("--full", help="Print all values, by the keys that --json has.")] = False,
+    mjcf: Annotated[Path | None, typer.Option("--mjcf", help="Also write the scene as MJCF.")] = None,
+) -> None:
+    """Validate a scenario; say what moves and how strongly, which engine runs it, and what it costs."""
+    scenario = scenario_of(scenario_file, engine, seeds, None, settings)
+    with file_in_errors(scenario_file):
+        if mjcf is not None:
+            from feeder_sim.run.run_folder import mjcf_text
+            from feeder_sim.scene.scene import build_scene
+
+            text = mjcf_text(build_scene(scenario))
+            writable(mjcf).write_text(text, encoding="utf-8")
+        _print_plan(scenario, as_json, full=full)
+
+
+def _work(workers: int | None, stall_after: float | None) -> Work:
+    from feeder_sim.run.watchdog import STALL_AFTER_S
+    from feeder_sim.run.work import Work
+
+    with options_in_errors():
+        return Work(workers, stall_after=STALL_AFTER_S if stall_after is None else stall_after)
+
+
+def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
+    """Print the result; the exit code says how it ended."""
+    print_result(result, folder, as_json)
+    for failure in result.failures:
+        print(f"feeder-sim: {failure}", file=sys.stderr)
+    if result.interrupted:
+        name = printable(str(folder))
+        print(f"feeder-sim: interrupted; what was computed is in {name}, resume {name} goes on", file=sys.stderr)
+        raise typer.Exit(Interrupted.exit_code)
+    if result.failures:
+        raise typer.Exit(1)
+
+
+def _print_plan(scenario: Scenario, as_json: bool, *, full: bool = False) -> None:
+    from feeder_sim.cli.plan import plan_lines
+    from feeder_sim.run.plan import plan_run
+    from feeder_sim.run.prepare import prepare
+
+    plan = plan_run(prepare(scenario))
+    print(json.dumps(plan) if as_json else as_lines(plan) if full else plan_lines(plan))
