@@ -30,7 +30,7 @@ from feeder_sim.measures.picking import picks_of
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.run.work import Work
-from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scenario import Drive, Scenario, load_scenario
 from feeder_sim.scenario.tables import validated
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -93,10 +93,11 @@ class Drifted:
 def drifted(name: str, like: str | None, ratio: float, seeds: int) -> Drifted:
     base = load_scenario(SCENARIOS / f"{name}.toml")
     wave, drive = wavelength_mm(base), base.drive[0]
+    assert isinstance(drive, Drive)
     amplitude = drive.amplitude_um
     if like is not None:
         other = load_scenario(SCENARIOS / f"{like}.toml").drive[0]
-        assert other.amplitude_um is not None
+        assert isinstance(other, Drive) and other.amplitude_um is not None
         amplitude = other.amplitude_um * other.frequency_hz / drive.frequency_hz
     start = base.part[0].start.model_dump(exclude_none=True)
     result = simulate(

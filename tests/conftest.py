@@ -97,6 +97,13 @@ def refusal(call: Callable[..., object], *arguments: Any, **named: Any) -> str:
     return str(refused.value)
 
 
+def amplitude_of(scenario: Scenario) -> float:
+    """Of the first drive [um]; 0 of a voltage."""
+    drive = scenario.drive[0]
+    assert isinstance(drive, Drive)
+    return drive.amplitude_um or 0.0
+
+
 def strip_scenario(
     *, frequency_hz: float = 4750.0, amplitude_um: float = 1.0, x_mm: float = 1.95, **run: Any
 ) -> Scenario:

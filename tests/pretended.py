@@ -10,6 +10,8 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
+from conftest import amplitude_of
+
 from feeder_sim.jobs.task import SeedValues, Task
 from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
@@ -53,14 +55,12 @@ class Pretended(Executor):
 
     def _done(self, scenario: Scenario, seed: int) -> SeedValues:
         found = self._values_of(scenario, seed)
-        told = (
-            ("drive[0] is strong",) if scenario.drive and (scenario.drive[0].amplitude_um or 0.0) > self._strong else ()
-        )
+        told = ("drive[0] is strong",) if scenario.drive and amplitude_of(scenario) > self._strong else ()
         return SeedValues(seed, {}, 0.1, found) if isinstance(found, str) else SeedValues(seed, found, 0.1, "", told)
 
 
 def _amplitude(scenario: Scenario) -> float:
-    return float(scenario.drive[0].amplitude_um or 0.0) if scenario.drive else 0.0
+    return amplitude_of(scenario) if scenario.drive else 0.0
 
 
 def asked(

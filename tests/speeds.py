@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from conftest import amplitude_of
 
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.speed_map import MapQuestion
@@ -18,7 +19,7 @@ MAP = MapQuestion(frequencies_hz="4000,5000,6000", amplitudes_um="0.5,1,2,4,5,6"
 
 def speed_of(scenario: Scenario, seed: int) -> float:
     """Largest at 3 um and the middle friction; without a value above 4.5 um."""
-    amplitude, friction = float(scenario.drive[0].amplitude_um or 0.0), scenario.contact.friction
+    amplitude, friction = amplitude_of(scenario), scenario.contact.friction
     if amplitude > 4.5:
         return math.nan
     of_seed, own = (np.random.default_rng([seed, scenario.run.seed, n]).normal() for n in (0, int(1e6 * amplitude)))
@@ -31,6 +32,6 @@ def values_of(scenario: Scenario, seed: int) -> dict[str, float]:
 
 def of_map(scenario: Scenario, seed: int) -> dict[str, float]:
     """Parts move at 0.6 um and more; from 1 um on they arrive."""
-    amplitude = float(scenario.drive[0].amplitude_um or 0.0)
+    amplitude = amplitude_of(scenario)
     speed = amplitude if amplitude >= 1.0 else math.nan
     return {"transport_speed_mm_s": speed, "drift_velocity_x_mm_s": 1.0 if amplitude > 0.6 else 0.0}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pretended
-from conftest import strip_scenario
+from conftest import amplitude_of, strip_scenario
 
 from feeder_sim.jobs.runner import Runner
 from feeder_sim.jobs.workers import Workers
@@ -27,7 +27,7 @@ def speed_of(amplitude: float, seed: int) -> float:
 
 
 def values_of(scenario: Scenario, seed: int) -> dict[str, float]:
-    return {"speed": speed_of(float(scenario.drive[0].amplitude_um or 0.0), seed)}
+    return {"speed": speed_of(amplitude_of(scenario), seed)}
 
 
 def Pretended(**how: Any) -> pretended.Pretended:

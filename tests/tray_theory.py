@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from feeder_sim import simulate
 from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.catalogue import values_of_seed
-from feeder_sim.scenario import Box, Contact, Drive, Placed, Run, Scenario, Start, TrayPlate
+from feeder_sim.scenario import Box, Contact, Placed, Run, Scenario, Start, TrayDrive, TrayPlate
 
 LENGTH, WIDTH = 8.0, 0.4  # [m]
 SETTLED = 1.0  # [s] until the speed is measured
@@ -191,7 +191,7 @@ def tray_scenario(case: Case, *, count: int = 1, duration: float, seeds: int, **
     stroke = 1e6 * math.hypot(case.up, case.along)
     return Scenario(
         plate=TrayPlate(kind="tray", length_mm=1e3 * LENGTH, width_mm=1e3 * WIDTH, tilt_deg=case.tilt),
-        drive=(Drive(frequency_hz=case.frequency, stroke_um=stroke, angle_deg=case.angle + case.tilt),),
+        drive=(TrayDrive(frequency_hz=case.frequency, stroke_um=stroke, angle_deg=case.angle + case.tilt),),
         part=(Box(shape="box", size_mm=(8.0, 8.0, 2.0), count=count, start=alone if count == 1 else row),),
         contact=Contact(restitution=case.restitution, friction=case.friction),
         run=Run(duration_s=duration, seeds=seeds, **run),

@@ -20,6 +20,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 from typeset import typeset
 
+from feeder_sim.scenario import TrayExcitation
 from feeder_sim.scenario.schema import KEYS, key_texts, meaning_of
 
 TAGS = ("kind", "shape")  # keys that say which of several tables is meant
@@ -136,9 +137,14 @@ def title(section: Section) -> str:
     if not place:
         return "Top of the file"
     if tag is None:
-        return f"`{place}`"
+        return f"`{place}`{of_tray(section.model)}"
     value = get_args(section.model.model_fields[tag].annotation)[0]
     return f'`{place}` with `{tag} = "{value}"`'
+
+
+def of_tray(model: type[BaseModel]) -> str:
+    """Which drives stand side by side without a key that tells them apart."""
+    return " of a tray" if issubclass(model, TrayExcitation) else ""
 
 
 def anchor(page: str, model: type[BaseModel]) -> str:
@@ -179,7 +185,7 @@ def type_words(annotation: Any, page: str) -> str:
 def short(model: type[BaseModel]) -> str:
     """What a link to a table says: its tag, or "table"."""
     tag = tag_of(model)
-    return f'`"{get_args(model.model_fields[tag].annotation)[0]}"`' if tag else "table"
+    return f'`"{get_args(model.model_fields[tag].annotation)[0]}"`' if tag else f"table{of_tray(model)}"
 
 
 def tag_of(model: type[BaseModel]) -> str | None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.plate.pairs import ModePair, mode_pairs
 from feeder_sim.plate.response import frequency_response, rank_modes
-from feeder_sim.scenario import Scenario
+from feeder_sim.scenario import Excitation, Scenario, excitations_of
 
 if TYPE_CHECKING:
     from feeder_sim.app.page import Page
@@ -48,7 +48,7 @@ class ModesPanel:
 
     def begin(self, scenario: Scenario) -> None:
         """Show another plate: at the frequency of its first drive, if none was chosen."""
-        drives = [drive for _, drive in scenario.excitations]
+        drives = [drive for _, drive in excitations_of(scenario, Excitation)]
         if not self.frequency and drives:
             self.frequency, self.volts = drives[0].frequency_hz, drives[0].voltage_vpp or VOLTS
         if self.page.motion is not None:
@@ -178,8 +178,8 @@ class ModesPanel:
 
     def _drawn_um(self) -> float:
         """The amplitude of the draft's drive at this frequency, or 1 µm."""
-        drives = [drive for _, drive in self.page.scenario.excitations] if self.page.scenario else []
-        amplitudes = (d.amplitude_um for d in drives if abs(d.frequency_hz - self.frequency) < NEAR * self.frequency)
+        drives = excitations_of(self.page.scenario, Excitation) if self.page.scenario else ()
+        amplitudes = (d.amplitude_um for _, d in drives if abs(d.frequency_hz - self.frequency) < NEAR * self.frequency)
         return next((amplitude for amplitude in amplitudes if amplitude), 1.0)
 
     def follow(self, index: int, at: tuple[float, float], stamp: float) -> None:

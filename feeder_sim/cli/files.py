@@ -82,7 +82,7 @@ def modes_of(source: Path) -> ModeFile:
         InputError: a file that cannot be used.
     """
     if source.suffix == ".toml":
-        from feeder_sim.scenario import BendingPlate, load_plate_file
+        from feeder_sim.scenario import BendingPlate, Excitation, excitations_of, load_plate_file
         from feeder_sim.scene.plate_modes import compute_modes
 
         with file_in_errors(source):
@@ -92,7 +92,7 @@ def modes_of(source: Path) -> ModeFile:
             from feeder_sim.scene.driven_plate import modes_of as modes_of_described
 
             assert isinstance(scenario.plate, BendingPlate)  # its own check
-            return modes_of_described(scenario.plate, scenario.excitations)
+            return modes_of_described(scenario.plate, excitations_of(scenario, Excitation))
     from feeder_sim.plate.mode_file import read_mode_file
 
     return read_mode_file(source)

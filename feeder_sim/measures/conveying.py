@@ -19,6 +19,7 @@ from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.mode_shapes import Rigid
 from feeder_sim.records.seed import Seed, Status
+from feeder_sim.scenario import TrayExcitation, excitations_of
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import FRAME_AT
@@ -117,8 +118,9 @@ def _spread(speed: Statistic) -> str:
 
 def heading_of(scene: Scene) -> float:
     """Direction [rad] of the first stroke of a scenario that is not upright; 0 without any."""
-    strokes = (drive for _, drive in scene.scenario.excitations if drive.stroke_um and abs(drive.angle_deg) != 90.0)
-    return math.radians(next((drive.direction_deg for drive in strokes), 0.0))
+    motions = (drive for _, drive in excitations_of(scene.scenario, TrayExcitation))
+    along = (drive.direction_deg for drive in motions if drive.stroke_um and abs(drive.angle_deg) != 90.0)
+    return math.radians(next(along, 0.0))
 
 
 def paths_on_tray(scene: Scene, seed: Seed) -> Iterator[NDArray[np.float64]]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, ValidationInfo, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationError, ValidationInfo, model_validator
 
 from feeder_sim.plate.materials import CERAMICS, Ceramic, Material
 from feeder_sim.scenario.drawing import with_drawing
@@ -201,14 +201,37 @@ class Rectangle(Table):
         return self
 
 
-class PistonPlate(Table):
-    """A plate that moves up and down as one rigid body; `rim` as for `Rectangle`."""
+class RigidPlate(Table):
+    """A plate that does not bend; `rim` as for `Rectangle`."""
 
-    kind: Literal["piston"]
     thickness_mm: LengthMm = 3.0
     length_mm: LengthMm = 180.0
     width_mm: LengthMm = 180.0
     rim: Flag = False
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Length, width and thickness [m]."""
+        return 1e-3 * self.length_mm, 1e-3 * self.width_mm, 1e-3 * self.thickness_mm
+
+
+class PistonPlate(RigidPlate):
+    """A plate that moves up and down as one rigid body."""
+
+    kind: Literal["piston"]
+
+
+class StillPlate(RigidPlate):
+    """A plate that nothing moves: no drive and no schedule."""
+
+    kind: Literal["still"]
+
+
+class TrayPlate(RigidPlate):
+    """A tray that moves as one rigid body, in any direction; its `rim` stands still."""
+
+    kind: Literal["tray"]
+    tilt_deg: Annotated[float, Field(ge=-MOST_TILT_DEG, le=MOST_TILT_DEG, strict=True)] = 0.0
 
 
 class ModePlate(Table):
@@ -222,59 +245,40 @@ class ModePlate(Table):
     rim: Flag = False
 
 
-class StillPlate(Table):
-    """A plate that nothing moves: no drive and no schedule; `rim` as for `Rectangle`."""
-
-    kind: Literal["still"]
-    thickness_mm: LengthMm = 3.0
-    length_mm: LengthMm = 180.0
-    width_mm: LengthMm = 180.0
-    rim: Flag = False
-
-
-class TrayPlate(Table):
-    """A tray that does not bend and moves as one rigid body, in any direction; `rim` as for `Rectangle`, and still."""
-
-    kind: Literal["tray"]
-    thickness_mm: LengthMm = 3.0
-    length_mm: LengthMm = 180.0
-    width_mm: LengthMm = 180.0
-    tilt_deg: Annotated[float, Field(ge=-MOST_TILT_DEG, le=MOST_TILT_DEG, strict=True)] = 0.0
-    rim: Flag = False
-
-
 PLATE_LEVELS = ("amplitude_um", "voltage_vpp")
 TRAY_LEVELS = ("stroke_um", "turn_mrad", "motion_file")
 
 
-class Excitation(Table):
-    """One mode driven at one frequency; see feeder_sim.plate.drive for the response in time.
+class Oscillation(Table):
+    """A motion at one frequency, which swings up and out like an oscillator; see feeder_sim.plate.drive."""
+
+    frequency_hz: FrequencyHz
+    natural_frequency_hz: FrequencyHz | None = None
+    damping_ratio: DampingRatio | None = None
+    ring_up: Flag = True
+    phase_deg: AngleDeg = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_empty_keys(cls, data: Any) -> Any:
+        """Leave out what has no value: it may be of another kind of drive, where a scenario is changed."""
+        return {key: value for key, value in data.items() if value is not None} if isinstance(data, dict) else data
+
+
+class Excitation(Oscillation):
+    """One mode driven at one frequency.
 
     `amplitude_um` is the one reached at resonance, at `at_mm` or else at the highest antinode of the mode (of a free
     rectangular plate usually a corner); the drive is at resonance unless `natural_frequency_hz` says otherwise.
     `voltage_vpp` uses the gain measured on the plate, or the actuators in its mode file, and acts at its distance from
     the resonance. `modes` are those that move: the driven one, all, or those whose share of its amplitude is above a
     number.
-
-    A tray takes `stroke_um`, its amplitude along a line, or `turn_mrad`, about an axis through its middle, or
-    `motion_file`, one period of all six.
     """
 
-    frequency_hz: FrequencyHz
     amplitude_um: NonNegative | None = None
     voltage_vpp: NonNegative | None = None
-    stroke_um: NonNegative | None = None
-    angle_deg: AngleDeg = 0.0
-    direction_deg: AngleDeg = 0.0
-    turn_mrad: Annotated[float, Field(ge=0, le=MOST_TURN_MRAD, strict=True)] | None = None
-    axis: Literal["x", "y", "z"] | None = None
-    motion_file: Path | None = None
     at_mm: PointMm | None = None
     mode: Annotated[int, Field(ge=1, strict=True)] | None = None
-    natural_frequency_hz: FrequencyHz | None = None
-    damping_ratio: DampingRatio | None = None
-    ring_up: Flag = True
-    phase_deg: AngleDeg = 0.0
     actuator: Annotated[tuple[Name, ...], Field(min_length=1, max_length=MOST_DRIVES)] | None = None
     actuator_phase_deg: Annotated[tuple[AngleDeg, ...], Field(max_length=MOST_DRIVES)] | None = None
     modes: Literal["driven", "all"] | Annotated[float, Field(gt=0, lt=1, strict=True)] | None = None
@@ -294,24 +298,74 @@ class Excitation(Table):
 
     @model_validator(mode="after")
     def _one_level(self) -> Self:
-        levels = {name: getattr(self, name) is not None for name in (*PLATE_LEVELS, *TRAY_LEVELS)}
-        if sum(levels.values()) != 1:
-            trays = f" (of a tray {', '.join(TRAY_LEVELS)})" if any(levels[name] for name in TRAY_LEVELS) else ""
-            raise ValueError(f"exactly one of amplitude_um and voltage_vpp is needed{trays}")
-        if (self.turn_mrad is None) != (self.axis is None):
-            raise ValueError('turn_mrad and axis = "x", "y" or "z" belong together, one is missing')
-        if self.stroke_um is None and (self.angle_deg or self.direction_deg):
-            raise ValueError("angle_deg and direction_deg belong to stroke_um, which is missing")
+        if (self.amplitude_um is None) == (self.voltage_vpp is None):
+            raise ValueError(f"exactly one of {_either(PLATE_LEVELS)} is needed (of a tray, {_either(TRAY_LEVELS)})")
         if self.voltage_vpp is not None and self.at_mm is not None:
             raise ValueError("at_mm belongs to amplitude_um; a voltage acts at the measured driven point")
         return self
 
 
-class Drive(Excitation):
-    """An excitation that starts at a given time and lasts for a given time, or to the end of the run."""
+class TrayExcitation(Oscillation):
+    """One motion of a tray at one frequency.
+
+    `stroke_um` is its amplitude along a line, `turn_mrad` about an axis through its middle; `motion_file` is one period
+    of all six.
+    """
+
+    stroke_um: NonNegative | None = None
+    angle_deg: AngleDeg = 0.0
+    direction_deg: AngleDeg = 0.0
+    turn_mrad: Annotated[float, Field(ge=0, le=MOST_TURN_MRAD, strict=True)] | None = None
+    axis: Literal["x", "y", "z"] | None = None
+    motion_file: Path | None = None
+
+    @model_validator(mode="after")
+    def _one_motion(self) -> Self:
+        if sum(getattr(self, name) is not None for name in TRAY_LEVELS) != 1:
+            raise ValueError(f"exactly one of {_either(TRAY_LEVELS)} is needed")
+        if (self.turn_mrad is None) != (self.axis is None):
+            raise ValueError('turn_mrad and axis = "x", "y" or "z" belong together, one is missing')
+        if self.stroke_um is None and (self.angle_deg or self.direction_deg):
+            raise ValueError("angle_deg and direction_deg belong to stroke_um, which is missing")
+        if self.motion_file is not None and self.natural_frequency_hz is not None:
+            raise ValueError("natural_frequency_hz does not go with motion_file, whose harmonics are as the table says")
+        return self
+
+
+def _either(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+class Interval(Table):
+    """When something acts: from a given time on, for a given time or to the end of the run."""
 
     start_s: NonNegative = 0.0
     duration_s: Positive | None = None
+
+
+class Drive(Interval, Excitation):
+    """An excitation that starts at a given time and lasts for a given time, or to the end of the run."""
+
+
+class TrayDrive(Interval, TrayExcitation):
+    """A motion of a tray that starts at a given time and lasts for a given time, or to the end of the run."""
+
+
+def _moves_a_tray(value: Any) -> bool:
+    """Whether a drive, checked or not, is one of a tray: it says how far that moves."""
+    if isinstance(value, dict):
+        return any(value.get(name) is not None for name in TRAY_LEVELS)
+    return isinstance(value, TrayExcitation)
+
+
+AnyExcitation = Annotated[
+    Annotated[Excitation, Tag("Excitation")] | Annotated[TrayExcitation, Tag("TrayExcitation")],
+    Discriminator(lambda value: "TrayExcitation" if _moves_a_tray(value) else "Excitation"),
+]
+AnyDrive = Annotated[
+    Annotated[Drive, Tag("Drive")] | Annotated[TrayDrive, Tag("TrayDrive")],
+    Discriminator(lambda value: "TrayDrive" if _moves_a_tray(value) else "Drive"),
+]
 
 
 class Support(Table):

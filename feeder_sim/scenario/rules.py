@@ -151,7 +151,7 @@ def _trays(s: Scenario) -> Broken:
     allowed, refused = (TRAY_LEVELS, PLATE_LEVELS) if isinstance(s.plate, TrayPlate) else (PLATE_LEVELS, TRAY_LEVELS)
     for key, drive in s.excitations:
         for name in refused:
-            if getattr(drive, name) is not None:
+            if getattr(drive, name, None) is not None:
                 yield f'{key}.{name} does not go with plate.kind = "{s.plate.kind}", must be {", ".join(allowed)}'
     if isinstance(s.plate, TrayPlate) and s.plate.tilt_deg and choose_engine(s).method not in ("exact", "joint"):
         yield "plate.tilt_deg", "0 but with parts that are computed without a step"

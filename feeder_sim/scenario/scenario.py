@@ -21,13 +21,15 @@ from feeder_sim.scenario.part import Heap, Scattered, Slide, Tube
 from feeder_sim.scenario.plate import (
     MOST_DRIVES,
     ActuatorFile,
-    Drive,
+    AnyDrive,
     Excitation,
     ModePlate,
+    Oscillation,
     OutlineFile,
     Plate,
     PlateFile,
     Rectangle,
+    TrayExcitation,
 )
 from feeder_sim.scenario.rules import findings_of_level
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
@@ -44,12 +46,21 @@ Change = Callable[[Path], Path]
 TOLERANCE_NM, TOLERANCE_OF_SEVERAL_NM = 0.1, 10.0
 
 
+Driven = TypeVar("Driven", bound=Oscillation)
+
+
+def excitations_of(scenario: Scenario, kind: type[Driven]) -> tuple[tuple[str, Driven], ...]:
+    """The excitations of a kind, with their keys; rules allow none but those that move the plate of the scenario."""
+    return tuple((key, drive) for key, drive in scenario.excitations if isinstance(drive, kind))
+
+
 def input_files(scenario: Scenario) -> dict[str, Path]:
     """The files that a scenario reads, by its keys: of the plate, its motion, parts, their pieces and grippers."""
     files: dict[str, Path] = {}
     if isinstance(scenario.plate, Rectangle | ModePlate) and scenario.plate.mode_file is not None:
         files["plate.mode_file"] = scenario.plate.mode_file
-    files |= {f"{key}.motion_file": drive.motion_file for key, drive in scenario.excitations if drive.motion_file}
+    motions = excitations_of(scenario, TrayExcitation)
+    files |= {f"{key}.motion_file": drive.motion_file for key, drive in motions if drive.motion_file}
     for i, part in enumerate(scenario.part):
         files |= {f"part[{i}].{key}": file for key, file in part.files.items()}
     picks = scenario.schedule.picks if scenario.schedule else ()
@@ -72,13 +83,12 @@ def with_files(scenario: Scenario, change: Change) -> Scenario:
     return scenario.model_copy(update={"plate": plate, "drive": drives, "part": tuple(parts), "schedule": schedule})
 
 
-Driven = TypeVar("Driven", bound=Excitation)
-
-
 def _drives_with(drives: tuple[Driven, ...], change: Change) -> tuple[Driven, ...]:
     """The drives with other names for their tables of motion."""
     return tuple(
-        drive if drive.motion_file is None else drive.model_copy(update={"motion_file": change(drive.motion_file)})
+        drive.model_copy(update={"motion_file": change(drive.motion_file)})
+        if isinstance(drive, TrayExcitation) and drive.motion_file is not None
+        else drive
         for drive in drives
     )
 
@@ -104,7 +114,7 @@ class Scenario(Table):
     title: str = ""
     format: Literal[1] = 1
     plate: Plate
-    drive: Annotated[tuple[Drive, ...], Field(max_length=MOST_DRIVES)] = ()
+    drive: Annotated[tuple[AnyDrive, ...], Field(max_length=MOST_DRIVES)] = ()
     schedule: Schedule | None = None
     part: Annotated[tuple[PartSpec, ...], Field(min_length=1, max_length=100)]
     contact: Contact = Contact()
@@ -163,7 +173,7 @@ class Scenario(Table):
         return self.part[0].guide
 
     @property
-    def excitations(self) -> tuple[tuple[str, Excitation], ...]:
+    def excitations(self) -> tuple[tuple[str, Excitation | TrayExcitation], ...]:
         """Every excitation once, with its key in the file: the drives, or those of all stages of the schedule."""
         if self.schedule is None:
             return tuple((f"drive[{i}]", drive) for i, drive in enumerate(self.drive))

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from feeder_sim.errors import nearest
 from feeder_sim.scenario.part import MAX_PARTS, Heap, Scattered, start_kind
-from feeder_sim.scenario.plate import MOST_DRIVES, Excitation
+from feeder_sim.scenario.plate import MOST_DRIVES, AnyExcitation
 from feeder_sim.scenario.tables import DurationS, Flag, LengthMm, NonNegative, Positive, Table
 
 # Tables of a scenario for what happens around the plate: new parts from a hopper, and the time of robot and camera.
@@ -91,7 +91,7 @@ class Stage(Table):
     """
 
     name: str = ""
-    drive: Annotated[tuple[Excitation, ...], Field(max_length=MOST_DRIVES)] = ()
+    drive: Annotated[tuple[AnyExcitation, ...], Field(max_length=MOST_DRIVES)] = ()
     duration_s: DurationS
     until: Settled | None = None
     pause_s: NonNegative = 0.0

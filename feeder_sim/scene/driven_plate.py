@@ -24,7 +24,9 @@ from feeder_sim.scenario import (
     Scenario,
     StillPlate,
     Strip,
+    TrayExcitation,
     TrayPlate,
+    excitations_of,
     resolve_material,
 )
 from feeder_sim.scenario.rules import lines_of, plate_with_outline
@@ -42,6 +44,7 @@ LARGEST_DEFLECTION = 1.0
 STRIP_WAVELENGTHS = 1.5
 
 Excitations = tuple[tuple[str, Excitation], ...]  # with their keys, for messages
+TrayExcitations = tuple[tuple[str, TrayExcitation], ...]
 
 
 @dataclass(frozen=True)
@@ -59,19 +62,20 @@ def assemble_plate(scenario: Scenario, times: Timetable) -> DrivenPlate:
         InputError: unknown mode, a frequency the plate has no mode for, missing gain, unusable mode file.
     """
     plate = scenario.plate
-    if isinstance(plate, Strip):
-        return _strip(plate, scenario.excitations, times)
-    if isinstance(plate, Rectangle | ModePlate | BendingPlate):
-        mode_file = _modes_for(plate, scenario.excitations)
-        if mode_file.modes.outline is not None:
-            for problem in lines_of(scenario, plate_with_outline):
-                raise InputError(problem)
-        return _from_modes(mode_file, scenario.excitations, times)
     if isinstance(plate, StillPlate):
         return _still(plate)
     if isinstance(plate, TrayPlate):
-        return _tray(plate, scenario.excitations, times)
-    return _piston(plate, scenario.excitations, times)
+        return _tray(plate, excitations_of(scenario, TrayExcitation), times)
+    drives = excitations_of(scenario, Excitation)
+    if isinstance(plate, Strip):
+        return _strip(plate, drives, times)
+    if isinstance(plate, Rectangle | ModePlate | BendingPlate):
+        mode_file = _modes_for(plate, drives)
+        if mode_file.modes.outline is not None:
+            for problem in lines_of(scenario, plate_with_outline):
+                raise InputError(problem)
+        return _from_modes(mode_file, drives, times)
+    return _piston(plate, drives, times)
 
 
 def _strip(plate: Strip, drives: Excitations, times: Timetable) -> DrivenPlate:
@@ -97,16 +101,15 @@ def _piston(plate: PistonPlate, drives: Excitations, times: Timetable) -> Driven
     for key, drive in drives:
         _refuse(drive, key, "piston", "mode", "voltage_vpp", "at_mm")
         driven.append(DrivenMode("piston", Rigid(), modal_drive(drive, metres(drive.amplitude_um))))
-    size = (plate.length_mm * 1e-3, plate.width_mm * 1e-3, plate.thickness_mm * 1e-3)
-    return _tabulated(driven, drives, times, *size, math.inf, uniform_y=True)
+    return _tabulated(driven, drives, times, *plate.size, math.inf, uniform_y=True)
 
 
-def _tray(plate: TrayPlate, drives: Excitations, times: Timetable) -> DrivenPlate:
+def _tray(plate: TrayPlate, drives: TrayExcitations, times: Timetable) -> DrivenPlate:
     """A rigid tray; one that is tilted has a shape more, which nothing drives and which stays as it is.
 
     Its lower end stays at z = 0.
     """
-    size = (1e-3 * plate.length_mm, 1e-3 * plate.width_mm, 1e-3 * plate.thickness_mm)
+    size = plate.size
     driven = [tray_motion(drive, key, size) for key, drive in drives]
     level = _tabulated(driven, drives, times, *size, math.inf, bends=False)
     if not plate.tilt_deg:
@@ -124,7 +127,7 @@ def _tray(plate: TrayPlate, drives: Excitations, times: Timetable) -> DrivenPlat
 
 def _still(plate: StillPlate) -> DrivenPlate:
     """A flat surface; engines want a shape, which nothing drives."""
-    length, width, thickness = (1e-3 * side for side in (plate.length_mm, plate.width_mm, plate.thickness_mm))
+    length, width, thickness = plate.size
     terms = modal_terms(())
     surface = tabulate([Rigid()], terms, length=length, width=width, thickness=thickness, uniform_y=True)
     return DrivenPlate(surface, ())
@@ -201,7 +204,7 @@ def _modes_for(plate: Rectangle | ModePlate | BendingPlate, drives: Excitations)
 
 def _tabulated(
     driven: list[DrivenMode],
-    drives: Excitations,
+    drives: Excitations | TrayExcitations,
     times: Timetable,
     length: float,
     width: float,

@@ -13,7 +13,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_shapes import Rigid
 from feeder_sim.plate.waveform import CLOSE, read_waveform
-from feeder_sim.scenario import Excitation
+from feeder_sim.scenario import TrayExcitation
 from feeder_sim.scenario.tables import read_text
 from feeder_sim.scene.driven_mode import DrivenMode, Follower
 
@@ -26,7 +26,7 @@ NOTHING = 0.01  # [m/s^2]; and more than this
 AXES = np.eye(3)
 
 
-def tray_motion(drive: Excitation, key: str, size: Sequence[float]) -> DrivenMode:
+def tray_motion(drive: TrayExcitation, key: str, size: Sequence[float]) -> DrivenMode:
     """The motion of one drive; size: length, width and thickness of the tray [m].
 
     A turn is in the modal coordinate a way: what half of the longer side moves by. The tray swings up like an
@@ -61,7 +61,7 @@ def tray_motion(drive: Excitation, key: str, size: Sequence[float]) -> DrivenMod
     return DrivenMode(f"tray, {label}", shape, motion)
 
 
-def _damping(drive: Excitation) -> float | None:
+def _damping(drive: TrayExcitation) -> float | None:
     return (drive.damping_ratio or DAMPING_RATIO) if drive.ring_up else None
 
 
@@ -72,7 +72,7 @@ def _check_stroke(amplitude: float, key: str) -> None:
         )
 
 
-def _from_table(drive: Excitation, key: str, size: Sequence[float], arm: float) -> DrivenMode:
+def _from_table(drive: TrayExcitation, key: str, size: Sequence[float], arm: float) -> DrivenMode:
     """The harmonics of a table: one shape and drive for every direction of each."""
     assert drive.motion_file is not None
     wave = read_waveform(read_text(drive.motion_file), drive.motion_file, arm)

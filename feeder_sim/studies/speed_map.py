@@ -38,7 +38,7 @@ from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.run.batch import check_drifting
 from feeder_sim.run.prepare import ignored_uncertainty, prepare
 from feeder_sim.run.provenance import identity_of
-from feeder_sim.scenario import Scenario, Start, Strip, resolve_material, with_run
+from feeder_sim.scenario import Drive, Scenario, Start, Strip, resolve_material, with_run
 from feeder_sim.studies.question import Plan, Question
 from feeder_sim.studies.study import Record, Study, csv_bytes
 from feeder_sim.studies.sweep.cases import Case, Effort
@@ -396,7 +396,8 @@ def check_mapped(scenario: Scenario) -> None:
         raise InputError(f'is "{scenario.part[0].start.kind}", must be "point" for a map', key="part[0].start.kind")
     if scenario.run.stop != "passage":
         raise InputError(f'is "{scenario.run.stop}", must be "passage" for a map', key="run.stop")
-    if not scenario.drive[0].amplitude_um:
+    (drive,) = scenario.drive
+    if not (isinstance(drive, Drive) and drive.amplitude_um):
         raise InputError("is 0, must be above 0 for a map, whose durations go by it", key="drive[0].amplitude_um")
     check_drifting(prepare(with_run(scenario, seeds=1)))
 
@@ -410,7 +411,7 @@ def at_point(scenario: Scenario, frequency_hz: float, amplitude_um: float, seeds
     old, new = _wave(scenario, scenario.drive[0].frequency_hz), _wave(scenario, frequency_hz)
     longer = new.wavelength / old.wavelength
     before, start = scenario.drive[0], scenario.part[0].start
-    assert isinstance(start, Start) and before.amplitude_um and scenario.run.duration_s
+    assert isinstance(start, Start) and isinstance(before, Drive) and before.amplitude_um and scenario.run.duration_s
     faster = frequency_hz * amplitude_um / (before.frequency_hz * before.amplitude_um * longer)
     return scenario.changed(
         {

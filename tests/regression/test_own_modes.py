@@ -45,7 +45,8 @@ def test_drift_on_modes_that_went_through_a_file(tmp_path: Path, repository: Pat
     own = load_scenario(repository / "scenarios/drift_2797hz_plate.toml")
     (resonance,) = (r for r in held.resonances if r.mode == 13)
     # The file has no gain: the same amplitude at the same point.
-    amplitude = 1e6 * resonance.gain * (own.drive[0].voltage_vpp or math.nan)
+    (volts,) = (drive.voltage_vpp for drive in own.drive if isinstance(drive, Drive))
+    amplitude = 1e6 * resonance.gain * (volts or math.nan)
     drive = Drive(frequency_hz=2797.0, amplitude_um=amplitude, at_mm=(0.0, 0.0), damping_ratio=resonance.damping_ratio)
     plate = ModePlate(kind="modes", mode_file=tmp_path / "own.h5")
     brought = own.model_copy(update={"plate": plate, "drive": (drive,)})

@@ -17,7 +17,7 @@ from feeder_sim.example_files import examples
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.records.files import write_whole
 from feeder_sim.run.new_folder import new_folder
-from feeder_sim.scenario import Scenario, input_files, load_plate_file, load_scenario, with_files
+from feeder_sim.scenario import Drive, Scenario, input_files, load_plate_file, load_scenario, with_files
 from feeder_sim.scenario.schema import json_schema
 
 
@@ -42,6 +42,7 @@ def test_the_default_folder_is_the_plate_and_the_drift_of_the_tutorial(tmp_path:
     modes = read_mode_file(folder / "modes.h5").modes
     assert modes.plate.length == pytest.approx(1e-3 * (body.length_mm or 0.0))
     (drive,) = load_scenario(folder / "scenario.toml").drive
+    assert isinstance(drive, Drive)
     assert modes.natural_frequency[drive.mode - 1 if drive.mode else 0] == pytest.approx(drive.frequency_hz, rel=1e-4)
 
 

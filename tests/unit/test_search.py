@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 import pytest
 from command_line import check_refused, feeder_sim
-from conftest import REPOSITORY, strip_scenario
+from conftest import REPOSITORY, amplitude_of, strip_scenario
 from pretended import Pretended, asked
 from speeds import AMPLITUDE, FRICTION, OVER, SEARCH, speed_of, values_of
 
@@ -165,7 +165,7 @@ def test_a_search_whose_best_recipe_is_worse_with_fresh_seeds_says_so(
 ) -> None:
     def values_of(scenario: Scenario, seed: int) -> dict[str, float] | str:
         """More with more amplitude in the search, and less with fresh seeds; from 4 um on the drive is too weak."""
-        amplitude = float(scenario.drive[0].amplitude_um or 0.0)
+        amplitude = amplitude_of(scenario)
         if amplitude > 4.0:
             return f"drive[0]: asks for {amplitude} um"
         return {"speed": seed + (amplitude if scenario.run.seed < FRESH else -amplitude)}

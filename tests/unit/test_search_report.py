@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import feeder_sim, one_line
-from conftest import strip_scenario
+from conftest import amplitude_of, strip_scenario
 from pages import checked
 from pretended import Pretended, asked
 
@@ -29,7 +29,7 @@ TIME = "arrival_time_s"
 
 def values_of(scenario: Scenario, seed: int) -> dict[str, float]:
     """A time that is shortest at the middle friction and the largest amplitude; below 0.7 um seed 1 does not arrive."""
-    amplitude, friction = float(scenario.drive[0].amplitude_um or 0.0), scenario.contact.friction
+    amplitude, friction = amplitude_of(scenario), scenario.contact.friction
     chance = float(np.random.default_rng([seed, scenario.run.seed]).normal())
     time = 20.0 / amplitude + 30.0 * abs(friction - 0.2) + 0.5 * chance * amplitude
     return {TIME: math.nan if amplitude < 0.7 and seed == 1 else time}

@@ -107,7 +107,9 @@ def test_tables_that_cannot_be_used_are_refused(text: str, expected: str, tmp_pa
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({"drive[0].amplitude_um": 3.0}, "drive[0] ... exactly one of ... stroke_um"),
+        ({"drive[0].amplitude_um": 3.0}, "drive[0].amplitude_um: unknown key ... stroke_um"),
+        ({"drive[0].mode": 3}, "drive[0].mode: unknown key"),
+        ({"drive[0].at_mm": [1.0, 2.0]}, "drive[0].at_mm: unknown key"),
         ({"drive[0].stroke_um": None, "drive[0].angle_deg": None, "drive[0].direction_deg": None}, "exactly one of"),
         ({"drive[0].turn_mrad": 3.0}, "exactly one of"),
         ({"drive[0].axis": "x"}, "turn_mrad and axis"),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import feeder_sim, one_line
-from conftest import strip_scenario
+from conftest import amplitude_of, strip_scenario
 from pages import checked
 from pretended import Pretended, asked
 
@@ -34,7 +34,7 @@ def values_of(scenario: Scenario, seed: int) -> dict[str, float] | str:
     if seed == 3:
         return "seed 3: <b>a part</b> lies too deep"
     chance = float(np.random.default_rng(seed).normal())
-    speed = 4.0 * float(scenario.drive[0].amplitude_um or 0.0) + 0.2 * chance
+    speed = 4.0 * amplitude_of(scenario) + 0.2 * chance
     return {SPEED: math.nan if seed == 5 else speed, "highest_rise_mm": 0.5 + 0.1 * chance}
 
 

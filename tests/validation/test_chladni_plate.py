@@ -34,7 +34,7 @@ from skfem.helpers import dd
 
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.modes import PlateModes, plate_modes
-from feeder_sim.scenario import load_scenario
+from feeder_sim.scenario import Excitation, load_scenario
 from feeder_sim.scene.scene import build_scene
 
 # A wafer along <110>, written out to verify the material, too.
@@ -88,6 +88,7 @@ def test_two_shapes_move_as_all_modes_of_a_scenario_do() -> None:
     )
     schedule = scenario.schedule.model_copy(update={"stage": (stage,), "cycles": 1})
     surface = build_scene(scenario.model_copy(update={"schedule": schedule})).surface
+    assert isinstance(drive, Excitation)
     force = Force(held.force_per_volt[:, 0] * 0.5 * (drive.voltage_vpp or 0.0))
     field = forced_field(held.modes, force, drive.frequency_hz, 0.002)
     points = start_points()
