@@ -20,26 +20,11 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 from typeset import typeset
 
+from feeder_sim.document.words import split_unit
 from feeder_sim.scenario import TrayExcitation
 from feeder_sim.scenario.schema import KEYS, key_texts, meaning_of
 
 TAGS = ("kind", "shape")  # keys that say which of several tables is meant
-# Suffix of a key: its unit. The longest suffix that fits counts.
-UNITS = {
-    "um_per_vpp": "µm per V peak to peak",
-    "kg_m3": "kg/m3",
-    "mm_s": "mm/s",
-    "m_s": "m/s",
-    "mm": "mm",
-    "um": "µm",
-    "hz": "Hz",
-    "deg": "degrees",
-    "vpp": "V peak to peak",
-    "gpa": "GPa",
-    "us": "µs",
-    "s": "s",
-    "per_second": "1/s",
-}
 RANGE = "number, or `[low, high]`"  # from which each seed draws
 PLAIN = {Any: "value", float: "number", int: "whole number", str: "text", bool: "`true` or `false`", Path: "file"}
 LIMITS = {"ge": "at least {}", "gt": "above {}", "le": "at most {}", "lt": "below {}"}
@@ -197,8 +182,7 @@ def tag_of(model: type[BaseModel]) -> str | None:
 def unit(key: str, info: FieldInfo) -> str:
     if not any(part in (float, int) for part in parts_of(info.annotation)):
         return ""
-    fitting = [suffix for suffix in UNITS if key.endswith(f"_{suffix}")]
-    return UNITS[max(fitting, key=len)] if fitting else ""
+    return split_unit(key)[1]
 
 
 def default(info: FieldInfo) -> str:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 from nicegui import events, ui
 
 from feeder_sim.app.guarded import MOST_BYTES
+from feeder_sim.document.words import split_unit
 from feeder_sim.errors import FeederSimError, cause_of
 
 if TYPE_CHECKING:
     from feeder_sim.app.page import Page
 
-KEY = re.compile(r"(.*?)(?:_(mm|hz|vpp|um|deg|s|n_per_mm))?(?:\[(\d)\])?")
-UNITS = {"hz": "Hz", "vpp": "Vpp", "um": "µm", "deg": "°", "n_per_mm": "N/mm"}
+KEY = re.compile(r"(.*?)(?:\[(\d)\])?")
+SHORT = {"V peak to peak": "Vpp", "degrees": "°"}  # units as narrow fields have them
 SIDES = {"at": ("x", "y"), "centre": ("x", "y"), "size": ("long", "wide")}
 
 
@@ -84,9 +85,9 @@ def worded(key: str) -> tuple[str, str]:
     """What a key is called on the page, and its unit."""
     match = KEY.fullmatch(key.rsplit(".", 1)[-1])
     assert match is not None
-    word, unit, place = match[1], match[2] or "", match[3]
-    name = SIDES[word][int(place)] if place is not None and word in SIDES else word.replace("_", " ")
-    return name, UNITS.get(unit, unit)
+    (word, unit), place = split_unit(match[1]), match[2]
+    name = SIDES[word][int(place)] if place is not None and word in SIDES else word
+    return name, SHORT.get(unit, unit)
 
 
 def notify(error: Exception) -> None:

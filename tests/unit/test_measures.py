@@ -1,14 +1,17 @@
 from __future__ import annotations
 
 import gc
+import inspect
 import math
+import re
 import weakref
 
 import numpy as np
 import pytest
-from conftest import piston_scenario, resting, strip_scenario
+from conftest import REPOSITORY, piston_scenario, resting, strip_scenario
 
 from feeder_sim.errors import InputError
+from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.drift import drift_velocity, first_passage, transport_speed
 from feeder_sim.measures.stage_lines import once_for_scene
 from feeder_sim.measures.statistic import Statistic
@@ -74,3 +77,11 @@ def test_passage_rule_needs_a_node_and_a_start_before_the_line() -> None:
         simulate(piston_scenario(stop="passage"))
     with pytest.raises(InputError, match=r"start\.position_mm"):
         simulate(strip_scenario(x_mm=8.0, stop="passage"))
+
+
+def test_all_findings_are_in_the_docs() -> None:
+    """Of every measure of the package, by what its `findings` says that it returns."""
+    text = (REPOSITORY / "docs/api.md").read_text()
+    returned = {str(inspect.signature(type(measure).findings).return_annotation) for measure in MEASURES}
+    names = {name for annotation in returned for name in re.findall(r"\w+Findings", annotation)}
+    assert len(names) > 8 and [name for name in sorted(names) if f".{name}\n" not in text] == []

@@ -267,6 +267,10 @@ def test_everything_in_a_page_is_escaped() -> None:
         ("duration_s", "duration", "s"),
         ("ring_up", "ring up", ""),
         ("amplitude_um_per_vpp", "amplitude", "µm per V peak to peak"),
+        ("stiffness_n_per_mm", "stiffness", "N/mm"),
+        ("circular_conveying_deg_s", "circular conveying", "degrees/s"),
+        ("tolerance_nm", "tolerance", "nm"),
+        ("turn_mrad", "turn", "mrad"),
     ],
 )
 def test_units_are_read_from_keys(key: str, words: str, unit: str) -> None:

@@ -1,4 +1,4 @@
-"""One free part over the plate: gaps, approach, impact.
+"""A part over the plate in steps, among others; one free part does without: free_part.
 
 look        height of every corner above the surface, and how fast it approaches
 impact      a corner that touches and approaches gets an impulse (single_impact.py), several together (impact.py)
