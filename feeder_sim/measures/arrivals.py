@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.notebook import counted
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory import SAME_TIME, Frames
 from feeder_sim.scene.prepared import Prepared
@@ -132,7 +133,9 @@ class Arrivals(Measure[ArrivalFindings, SeedArrivals]):
         ):
             if statistic.n:
                 spread = f", SD {statistic.sd:.2f}" if statistic.n > 1 else ""
-                lines.append(labelled(label, f"{statistic.mean:.2f} {unit}{spread}, n = {statistic.n} seeds"))
+                lines.append(
+                    labelled(label, f"{statistic.mean:.2f} {unit}{spread}, n = {counted(statistic.n, 'seed')}")
+                )
         return lines
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.notebook import counted
 from feeder_sim.records.seed import Events, Seed
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
@@ -179,7 +180,7 @@ class Bounces(Measure[BounceFindings, SeedBounces]):
             if statistic.n > 1:
                 text = f"{statistic.mean:.4g} {unit} +- {statistic.se:.2g} (SE), n = {statistic.n}"
                 lines.append(labelled(label, text))
-        motions = ", ".join(f"{name} ({n} seeds)" for name, n in findings.motion.items())
+        motions = ", ".join(f"{name} ({counted(n, 'seed')})" for name, n in findings.motion.items())
         return [*lines, labelled("motion", motions)]
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.stage_lines import once_for_scene
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.notebook import counted
 from feeder_sim.plate.wave import Track, Wave, crest_track, still_points
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory import Frames
@@ -195,7 +196,7 @@ class Circulation(Measure[WaveFindings, SeedWaves]):
             speed, share = wave.circulation_mm_s, wave.at_still_points
             if speed.n:
                 interval = f" +- {speed.se:.3f} (SE)" if speed.n > 1 else ""
-                text = f"{speed.mean:+.3f} mm/s{interval}, counter-clockwise, n = {speed.n} seeds"
+                text = f"{speed.mean:+.3f} mm/s{interval}, counter-clockwise, n = {counted(speed.n, 'seed')}"
                 lines.append(labelled("circulation", text))
             if share.n:
                 lines.append(labelled("at still points", f"{100.0 * share.mean:.0f} % of the parts"))

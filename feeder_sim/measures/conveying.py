@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.notebook import counted
 from feeder_sim.plate.mode_shapes import Rigid
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.scenario import TrayExcitation, excitations_of
@@ -85,7 +86,7 @@ class Conveying(Measure[ConveyingFindings, tuple[float, float]]):
         speed, across = findings.conveying_speed_mm_s, findings.conveying_across_mm_s
         if not speed.n:
             return []
-        text = f"{speed.mean:.2f} mm/s{_spread(speed)}, n = {speed.n} seeds; across {across.mean:.2f} mm/s"
+        text = f"{speed.mean:.2f} mm/s{_spread(speed)}, n = {counted(speed.n, 'seed')}; across {across.mean:.2f} mm/s"
         return [labelled("conveying speed", text)]
 
 
@@ -108,7 +109,7 @@ class CircularConveying(Measure[CircularFindings, float]):
 
     def lines(self, prepared: Prepared, findings: CircularFindings) -> list[str]:
         rate = findings.circular_conveying_deg_s
-        text = f"{rate.mean:.2f} degrees/s{_spread(rate)}, counter-clockwise, n = {rate.n} seeds"
+        text = f"{rate.mean:.2f} degrees/s{_spread(rate)}, counter-clockwise, n = {counted(rate.n, 'seed')}"
         return [labelled("circular", text)] if rate.n else []
 
 

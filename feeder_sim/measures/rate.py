@@ -17,6 +17,7 @@ import numpy as np
 from feeder_sim.measures.picking import IN_NO_POSE, Picks, pick_stages, picks_by_hand, picks_of, robot_of
 from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.notebook import counted
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
@@ -151,7 +152,7 @@ class Rate(Measure[RateFindings, SeedRate]):
         interval = f" +- {rate.se:.2f} (SE), SD {rate.sd:.2f}" if rate.n > 1 else ""
         begin = f", from cycle {findings.counted_from_cycle} on" if findings.counted_from_cycle > 1 else ""
         load = f", {ONE_LOAD}" if one_load(prepared.scene) else ""
-        lines = [labelled("picks per minute", f"{rate.mean:.2f}{interval}, n = {rate.n} seeds{begin}{load}")]
+        lines = [labelled("picks per minute", f"{rate.mean:.2f}{interval}, n = {counted(rate.n, 'seed')}{begin}{load}")]
         for entry in findings.picks_per_minute_of_kind:
             poses = [f"{pose.pose} {pose.picks_per_minute.mean:.2f}" for pose in entry.poses]
             spread = f" +- {entry.picks_per_minute.se:.2f}" if rate.n > 1 else ""

@@ -10,6 +10,7 @@ import numpy as np
 from feeder_sim.measures.picking import picks_by_hand
 from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.notebook import counted
 from feeder_sim.records.seed import Cause, Seed, parts_removed
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import refill_count, refill_frames
@@ -65,7 +66,7 @@ class Refills(Measure[RefillFindings, SeedRefills]):
         text = f"{findings.refilled.mean:.1f} parts in {findings.refills.mean:.1f} refills"
         if findings.not_refilled.mean > 0.0:
             text += f"; {findings.not_refilled.mean:.1f} found no room"
-        return [labelled("refilled", f"{text}, n = {findings.refills.n} seeds")]
+        return [labelled("refilled", f"{text}, n = {counted(findings.refills.n, 'seed')}")]
 
 
 def requested(scene: Scene, seed: Seed) -> int:

@@ -17,6 +17,7 @@ from feeder_sim.measures.picking import has_picks, nearest_neighbours
 from feeder_sim.measures.protocol import FindingsBase, Measure, labelled
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.notebook import counted
 from feeder_sim.records.seed import Cause, Seed, Status, parts_arrived, parts_removed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.prepared import Prepared
@@ -241,6 +242,6 @@ class Separation(Measure[SeparationFindings, SeedSeparation]):
             if statistic.n:
                 spread = f", SD {statistic.sd:.1f}" if statistic.n > 1 else ""
                 of_all = "" if prepared.scenario.refill else f" of {findings.parts}"
-                text = f"{statistic.mean:.1f}{of_all}{spread}, n = {statistic.n} seeds"
+                text = f"{statistic.mean:.1f}{of_all}{spread}, n = {counted(statistic.n, 'seed')}"
                 lines.append(labelled(label, text))
         return lines

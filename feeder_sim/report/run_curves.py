@@ -14,6 +14,7 @@ from feeder_sim.measures.bounces import BounceFindings, Flights, seed_flights
 from feeder_sim.measures.rate import ONE_LOAD, RateFindings, one_load
 from feeder_sim.measures.separation import SeparationFindings, StageCounts
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.notebook import counted
 from feeder_sim.plots.intervals import COLOURS, DODGE, FEWEST, draw_bars, draw_over_time, drawn_half
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
@@ -282,8 +283,8 @@ def _counts(run: Recorded, findings: SeparationFindings) -> Iterator[Figure]:
             draw,
             height=3.2,
             alt="Parts on the plate, isolated, picked, and near nodal lines, over the cycles.",
-            caption=f"Parts from cycle to cycle, means of {alone} seeds; {INTERVAL}. Picked are those taken out at the "
-            "end of that cycle.",
+            caption=f"Parts from cycle to cycle, means of {counted(alone, 'seed')}; {INTERVAL}. "
+            "Picked are those taken out at the end of that cycle.",
         )
     elif 1 <= len(pairs) <= MOST_STAGES:
         curves_of = [("on the plate", [counts.on_plate for _, counts in pairs])]
@@ -305,7 +306,7 @@ def _counts(run: Recorded, findings: SeparationFindings) -> Iterator[Figure]:
                 draw_stages,
                 height=3.2,
                 alt="Parts on the plate, near nodal lines, isolated and picked at the end of every stage.",
-                caption=f"Parts from stage to stage, means of {pairs[0][1].on_plate.n} seeds; {INTERVAL}.",
+                caption=f"Parts from stage to stage, means of {counted(pairs[0][1].on_plate.n, 'seed')}; {INTERVAL}.",
             )
 
 
@@ -325,5 +326,6 @@ def _rate(findings: RateFindings, remark: str) -> Figure:
         draw,
         height=height,
         alt=f"Picks per minute: {number(rate.mean, 3)} in all, and of each kind; shares of the time.",
-        caption=f"Picks per minute, and where the time goes, means of {rate.n} seeds; {INTERVAL}.{begin}{remark}",
+        caption=f"Picks per minute, and where the time goes, means of {counted(rate.n, 'seed')}; "
+        f"{INTERVAL}.{begin}{remark}",
     )

@@ -92,7 +92,7 @@ def test_page_of_a_sweep(sweep: Path, coarse: None) -> None:
         "Sweep: <b>Nut</b>",
         "largest transport speed",
         "3.20 mm/s ± 0.32 (95 %), at amplitude 2 µm",
-        "1 seeds failed, at 1 of 4 points",
+        "1 seed failed, at 1 of 4 points",
         "3 of 4 points are there: the sweep has not ended.",
         "--vary 'drive[0].amplitude_um=0.5,1,2,4' --seeds 4 --out repeated",
         "Transport speed (mm/s): at 1 of 3 points 1 of 4 seeds have no value",

@@ -238,7 +238,7 @@ class Sweep(Study):
         name, points = self.measure(measure), sum(bool(rows) for rows in self.by_point)
         missing, at = self.missing_at_points, f"of {len(self.points)} points"
         if failed := self.failed:
-            text = f"{sum(failed)} seeds failed, at {len(failed)} {at}; they do not count in the means"
+            text = f"{counted(sum(failed), 'seed')} failed, at {len(failed)} {at}; they do not count in the means"
             yield Text(text, "failure")
         yield from super().remarks(measure)
         if points < len(self.points):
