@@ -55,8 +55,10 @@ class Pretended(Executor):
 
     def _done(self, scenario: Scenario, seed: int) -> SeedValues:
         found = self._values_of(scenario, seed)
-        told = ("drive[0] is strong",) if scenario.drive and amplitude_of(scenario) > self._strong else ()
-        return SeedValues(seed, {}, 0.1, found) if isinstance(found, str) else SeedValues(seed, found, 0.1, "", told)
+        warnings = ("drive[0] is strong",) if scenario.drive and amplitude_of(scenario) > self._strong else ()
+        return (
+            SeedValues(seed, {}, 0.1, found) if isinstance(found, str) else SeedValues(seed, found, 0.1, "", warnings)
+        )
 
 
 def _amplitude(scenario: Scenario) -> float:

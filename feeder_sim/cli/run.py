@@ -140,7 +140,8 @@ def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
         print(f"feeder-sim: {failure}", file=sys.stderr)
     if result.interrupted:
         name = printable(str(folder))
-        print(f"feeder-sim: interrupted; what was computed is in {name}, resume {name} goes on", file=sys.stderr)
+        line = f"interrupted; what was computed is in {name}, feeder-sim resume {name} goes on"
+        print(f"feeder-sim: {line}", file=sys.stderr)
         raise typer.Exit(Interrupted.exit_code)
     if result.failures:
         raise typer.Exit(1)

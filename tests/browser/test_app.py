@@ -178,7 +178,7 @@ def test_tabs_do_not_disturb_each_other_and_a_reload_loses_nothing(server: tuple
 
 
 def test_what_cannot_be_stands_beside_the_field(server: tuple[str, Path]) -> None:
-    address, _ = server
+    address, folder = server
     with browser_page(width=1500, height=900) as (page, _):
         opened(page, address)
         field = page.locator("[data-key='plate.thickness_mm'] input, input[data-key='plate.thickness_mm']").first
@@ -190,6 +190,7 @@ def test_what_cannot_be_stands_beside_the_field(server: tuple[str, Path]) -> Non
             {"name": "../../evil.txt", "mimeType": "text/plain", "buffer": b"x"}
         )
         page.wait_for_selector("text=must be a file that ends in")
+    assert not (folder / "../../evil.txt").exists() and not (folder / "evil.txt").exists()
 
 
 def test_a_drawing_is_dropped_and_markup_stays_text(server: tuple[str, Path]) -> None:

@@ -79,7 +79,7 @@ def test_draws_that_have_more_seeds_than_asked_for_keep_them(ball: Path, tmp_pat
     assert "draws keep the seeds that they had" in feeder_sim(*asked, "--seeds", 1).stderr
 
 
-def test_a_study_that_was_interrupted_is_resumed_as_it_was_asked(ball: Path, tmp_path: Path) -> None:
+def test_an_interrupted_study_is_resumed_with_its_question(ball: Path, tmp_path: Path) -> None:
     words = ("uncertainty", ball, "--inputs", 3, "--seeds", 2, "--json")
     whole = json.loads(feeder_sim(*words, "--out", tmp_path / "whole").stdout)
     feeder_sim(*words, "--out", tmp_path / "cut")
