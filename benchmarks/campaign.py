@@ -87,7 +87,7 @@ frames_per_second = 500.0
 """
 RECTANGLE = """
 [plate]
-kind = "rectangle"
+kind = "modes"
 mode_file = "modes.h5"
 [[drive]]
 frequency_hz = 2639.0
@@ -239,14 +239,13 @@ def random_scenario(rng: random.Random) -> dict[str, Any]:
         [
             {"kind": "piston"} | some("length_mm", "width_mm", "thickness_mm", share=0.3),
             {"kind": "strip", "thickness_mm": random_value(rng, "t")} | some("length_mm", "width_mm", share=0.2),
-            {"kind": "rectangle", "length_mm": 100.0, "width_mm": 80.0, "thickness_mm": random_value(rng, "t")},
-            {"kind": "rectangle"} | some("length_mm", "width_mm", "thickness_mm", "mode_file", share=0.7),
+            {"kind": "plate", "length_mm": 100.0, "width_mm": 80.0, "thickness_mm": random_value(rng, "t")},
+            {"kind": "plate"} | some("length_mm", "width_mm", "thickness_mm", share=0.7),
         ][: rng.choice([2, 2, 2, 3, 4])]
     )
     if rng.random() < 0.25:
         model = rng.choice(["plate_180", "plate_180_piezos", "plate_180_piezos", "plate_hole"])
-        kind = rng.choice(["rectangle", "modes", "modes"])
-        plate = {"kind": kind, "mode_file": str(ROOT / "models" / model / "modes.h5")} | some("rim", share=0.05)
+        plate = {"kind": "modes", "mode_file": str(ROOT / "models" / model / "modes.h5")} | some("rim", share=0.05)
     part: dict[str, Any] = rng.choice(
         [
             {"shape": "hex_nut", "size": rng.choice(["M2", "M2.5", "M3", "M5"] * 5 + ["M9"])},

@@ -28,7 +28,7 @@ from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import Result, simulate
-from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scattered, Scenario, load_scenario, with_run
+from feeder_sim.scenario import Drive, HexNut, ModePlate, Run, Scattered, Scenario, load_scenario, with_run
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO
 from feeder_sim.scene.prepared import Prepared
@@ -192,7 +192,7 @@ def _at_goal(prepared: Prepared, walked: Walked) -> NDArray[np.bool_]:
 def gathering_scenario(mode_file: Path, drive: Drive, duration_s: float, count: int = 1) -> Scenario:
     """Parts scattered over a plate that one mode moves."""
     return Scenario(
-        plate=Rectangle(kind="rectangle", mode_file=mode_file),
+        plate=ModePlate(kind="modes", mode_file=mode_file),
         drive=(drive,),
         part=(HexNut(size="M2.5", start=Scattered(kind="scattered"), count=count),),
         run=Run(duration_s=duration_s, frames_per_second=FRAMES_PER_S),

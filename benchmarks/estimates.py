@@ -32,7 +32,7 @@ def scattered(part: dict[str, Any], title: str) -> Scenario:
     """Fifteen parts on the plate of 180 x 180 mm, driven at 2646 Hz."""
     raw = {
         "title": title,
-        "plate": {"kind": "rectangle", "mode_file": str(ROOT / "models/plate_180/modes.h5")},
+        "plate": {"kind": "modes", "mode_file": str(ROOT / "models/plate_180/modes.h5")},
         "drive": [{"frequency_hz": 2646.0, "voltage_vpp": 120.0}],
         "part": [part | {"count": 15, "start": {"kind": "scattered"}}],
         "run": {"duration_s": LONG_S, "seeds": SEEDS, "frames_per_second": 100.0},

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from feeder_sim.plate.drive import modal_terms
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.response import Response, frequency_response, voltages
-from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scenario
+from feeder_sim.scenario import Drive, HexNut, ModePlate, Run, Scenario
 from feeder_sim.scene.scene import build_scene
 
 PLATE = Path(__file__).parents[1] / "models/plate_180_piezos/modes.h5"
@@ -32,7 +32,7 @@ DAMPING_KNOWN_TO = 0.1  # relative
 def envelope(damping_ratio: float | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Amplitude of the plate in its centre over the time, over the last one: (n,) [s], (n,) [1]."""
     drive = Drive(frequency_hz=RING_UP_HZ, voltage_vpp=100.0, actuator=("centre",), damping_ratio=damping_ratio)
-    plate = Rectangle(kind="rectangle", mode_file=PLATE)
+    plate = ModePlate(kind="modes", mode_file=PLATE)
     scene = build_scene(Scenario(plate=plate, drive=(drive,), part=(HexNut(size="M2.5"),), run=Run(duration_s=1.0)))
     times = np.arange(0.0, 1.5, 1.0 / (40.0 * RING_UP_HZ))
     (shape,), motion = scene.surface.deflection(0, np.zeros((1, 2))), scene.driven[0].drive

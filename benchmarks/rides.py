@@ -25,7 +25,7 @@ from feeder_sim.scene.scene import Scene, build_scene
 ROOT = Path(__file__).parents[1]
 NUT = {"shape": "hex_nut", "size": "M2.5"}
 SCREW = {"shape": "mesh", "file": str(ROOT / "models/screw/screw.stl")}
-PLATE = {"kind": "rectangle", "mode_file": str(ROOT / "models/plate_180/modes.h5")}
+PLATE = {"kind": "modes", "mode_file": str(ROOT / "models/plate_180/modes.h5")}
 PISTON = {"kind": "piston", "length_mm": 400.0, "width_mm": 400.0}
 PLACES = ((40.0, 10.0), (0.0, 0.0), (20.0, 35.0), (-52.0, 61.0))  # [mm]
 GATHER, PULSE, PAUSE = 1.0, 0.1, 0.4  # [s]

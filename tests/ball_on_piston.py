@@ -11,7 +11,7 @@ from small_noise_slide import Heights, mean_height
 
 from feeder_sim.engines.protocol import engine_class
 from feeder_sim.run.simulation import generators
-from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Start
+from feeder_sim.scenario import Ball, Contact, Drive, RigidPlate, Run, Scenario, Start
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.scene import build_scene
 
@@ -39,7 +39,7 @@ def scenario(case: Case, duration: float, seeds: int) -> Scenario:
     start = Start(drop_height_mm=(0.03, 0.07), tilt_deg=(0.0, 0.0))
     drive = Drive(frequency_hz=case.frequency, amplitude_um=1e6 * case.amplitude, ring_up=False)
     return Scenario(
-        plate=PistonPlate(kind="piston"),
+        plate=RigidPlate(kind="piston"),
         drive=(drive,),
         part=(Ball(shape="ball", diameter_mm=2e3 * RADIUS, start=start),),
         contact=Contact(restitution=case.restitution),

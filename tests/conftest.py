@@ -26,7 +26,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.machine_code.jit import callable_from_python
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.seed_run import SeedRun
-from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scenario, Start, Strip
+from feeder_sim.scenario import Contact, Drive, HexNut, RigidPlate, Run, Scenario, Start, Strip
 from feeder_sim.scenario.changes import changed_values
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.cell import transport_cell
@@ -130,7 +130,7 @@ def piston_scenario(
     """A part or several over a plate that moves as a whole; at rest by default."""
     part = part or HexNut(size="M2.5", start=start or Start())
     return Scenario(
-        plate=PistonPlate(kind="piston", **(plate or {})),
+        plate=RigidPlate(kind="piston", **(plate or {})),
         drive=drive or (Drive(frequency_hz=frequency_hz, amplitude_um=amplitude_um),),
         part=part if isinstance(part, tuple) else (part,),
         contact=contact or Contact(),

@@ -218,7 +218,7 @@ def _plate(rng: Rng) -> Made:
     hz, amplitude = float(rng.choice(_frequencies("plate_180", 400.0, 13e3))), _amplitude(rng)
     x, y = rng.uniform(-89.0, 89.0, 2)
     where = {"position_mm": [float(x), float(y), 10.0], "velocity_mm_s": [float(rng.uniform(-50.0, 50.0)), 0.0, -50.0]}
-    plate = {"kind": "rectangle", "mode_file": str(MODELS / "plate_180/modes.h5")}
+    plate = {"kind": "modes", "mode_file": str(MODELS / "plate_180/modes.h5")}
     return plate, [{"frequency_hz": hz, "amplitude_um": amplitude}], where, {"duration_s": 0.4}
 
 
@@ -270,7 +270,7 @@ def _volts(rng: Rng) -> Made:
     drive |= {"ring_up": bool(rng.random() < 0.8)}
     x, y = rng.uniform(-89.0, 89.0, 2)
     where = {"position_mm": [float(x), float(y), 10.0], "velocity_mm_s": [float(rng.uniform(-50.0, 50.0)), 0.0, -50.0]}
-    plate = {"kind": "rectangle", "mode_file": str(MODELS / "plate_180_piezos/modes.h5")}
+    plate = {"kind": "modes", "mode_file": str(MODELS / "plate_180_piezos/modes.h5")}
     return plate, [drive], where, {"duration_s": 0.4}
 
 

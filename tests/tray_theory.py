@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from feeder_sim import simulate
 from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.catalogue import values_of_seed
-from feeder_sim.scenario import Box, Contact, Placed, Run, Scenario, Start, TrayDrive, TrayPlate
+from feeder_sim.scenario import Box, Contact, Placed, RigidPlate, Run, Scenario, Start, TrayDrive
 
 LENGTH, WIDTH = 8.0, 0.4  # [m]
 SETTLED = 1.0  # [s] until the speed is measured
@@ -190,7 +190,7 @@ def tray_scenario(case: Case, *, count: int = 1, duration: float, seeds: int, **
     alone = Start(position_mm=(-3000.0, 0.0), drop_height_mm=drop, tilt_deg=flat, yaw_deg=flat)
     stroke = 1e6 * math.hypot(case.up, case.along)
     return Scenario(
-        plate=TrayPlate(kind="tray", length_mm=1e3 * LENGTH, width_mm=1e3 * WIDTH, tilt_deg=case.tilt),
+        plate=RigidPlate(kind="tray", length_mm=1e3 * LENGTH, width_mm=1e3 * WIDTH, tilt_deg=case.tilt),
         drive=(TrayDrive(frequency_hz=case.frequency, stroke_um=stroke, angle_deg=case.angle + case.tilt),),
         part=(Box(shape="box", size_mm=(8.0, 8.0, 2.0), count=count, start=alone if count == 1 else row),),
         contact=Contact(restitution=case.restitution, friction=case.friction),

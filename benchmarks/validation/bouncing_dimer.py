@@ -44,7 +44,7 @@ from vertex_impacts import Law
 from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import MM, MS, empty_figure
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.scenario import Contact, Dimer, Drive, PistonPlate, Run, Scenario, Start
+from feeder_sim.scenario import Contact, Dimer, Drive, RigidPlate, Run, Scenario, Start
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded
 
@@ -119,7 +119,7 @@ def dimer_scenario(aspect_ratio: float, friction: float, *, planar: bool = True)
     """A steel dimer on a plate that moves up and down, for one seed."""
     start = Start(drop_height_mm=(0.0, 10.0), yaw_deg=(0.0, 0.0))
     return Scenario(
-        plate=PistonPlate(kind="piston", length_mm=1000.0, width_mm=1000.0),
+        plate=RigidPlate(kind="piston", length_mm=1000.0, width_mm=1000.0),
         drive=(Drive(frequency_hz=FREQUENCY, amplitude_um=1e6 * AMPLITUDE, ring_up=False),),
         part=(
             Dimer(

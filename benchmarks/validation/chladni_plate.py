@@ -50,7 +50,7 @@ from feeder_sim.plate.response import DEFAULT_DAMPING_RATIO
 from feeder_sim.plate.ritz.attachments import Layer
 from feeder_sim.records.seed import Status
 from feeder_sim.run.batch import measure_drift
-from feeder_sim.scenario import Ball, Contact, CustomMaterial, Drive, PistonPlate, Run, Scenario, Start
+from feeder_sim.scenario import Ball, Contact, CustomMaterial, Drive, RigidPlate, Run, Scenario, Start
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene, build_scene
@@ -190,7 +190,7 @@ def ball_scene(field: ForcedField, amplitude: float, place: NDArray[np.float64],
     """
     plate = field.parts.plate
     scenario = Scenario(
-        plate=PistonPlate(
+        plate=RigidPlate(
             kind="piston",
             length_mm=1e3 * plate.length,
             width_mm=1e3 * plate.width,

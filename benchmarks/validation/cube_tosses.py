@@ -36,7 +36,7 @@ from feeder_sim.document.figure import MM, empty_figure
 from feeder_sim.engines.protocol import engine_class
 from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Box, Contact, GivenState, Run, Scenario, StillPlate
+from feeder_sim.scenario import Box, Contact, GivenState, RigidPlate, Run, Scenario
 from feeder_sim.scenario.scenario import STILL_HZ
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.single_thread import single_threaded
@@ -193,7 +193,7 @@ def toss_scenario(
     rate = math.ceil(toss.duration) / toss.duration  # the last frame is at the end, to half a step
     scenario = Scenario(
         title=f"toss {toss.number} of a cube",
-        plate=StillPlate(kind="still", length_mm=BOARD_MM, width_mm=BOARD_MM, thickness_mm=100.0),
+        plate=RigidPlate(kind="still", length_mm=BOARD_MM, width_mm=BOARD_MM, thickness_mm=100.0),
         part=(
             Box(
                 shape="box",

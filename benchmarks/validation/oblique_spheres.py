@@ -33,7 +33,7 @@ from single_impacts import after_impacts
 
 from feeder_sim.document.figure import empty_figure
 from feeder_sim.engines.protocol import engine_class
-from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Start
+from feeder_sim.scenario import Ball, Contact, Drive, RigidPlate, Run, Scenario, Start
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.scene import build_scene
 
@@ -104,7 +104,7 @@ def _thrown(theta: float, engine: Literal["impulse", "mujoco"]) -> tuple[float, 
     speed = 1e3 * SPEED
     start = Start(drop_height_mm=(0.0, 0.0), velocity_mm_s=(speed * math.sin(theta), 0.0, -speed * math.cos(theta)))
     scenario = Scenario(
-        plate=PistonPlate(kind="piston"),
+        plate=RigidPlate(kind="piston"),
         drive=(Drive(frequency_hz=FREQUENCY_HZ, amplitude_um=0.0, ring_up=False),),
         part=(Ball(shape="ball", diameter_mm=1e3 * DIAMETER, start=start),),
         contact=Contact(restitution=RESTITUTION, friction=FRICTION),

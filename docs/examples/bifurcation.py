@@ -33,7 +33,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import MM, UM, empty_figure
 from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.measures.bounces import LAST_IMPACTS, impact_tolerance, motion
-from feeder_sim.scenario import PistonPlate, Scenario, Slide
+from feeder_sim.scenario import RigidPlate, Scenario, Slide
 from feeder_sim.scene.scene import build_scene
 
 LABEL_WIDTH = 0.02  # of the axis; labels of boundaries nearer to each other than this are staggered
@@ -128,7 +128,7 @@ def check_scenario(scenario: Scenario) -> None:
         InputError: the plate is no piston, the part is not on a slide, or there is not exactly one steady drive at
             resonance.
     """
-    if not isinstance(scenario.plate, PistonPlate) or not isinstance(scenario.guide, Slide):
+    if not isinstance(scenario.plate, RigidPlate) or not isinstance(scenario.guide, Slide):
         raise InputError('must be kind = "slide" over a piston', key="part[0].guide")
     if len(scenario.drive) != 1:
         raise InputError(f"has {len(scenario.drive)} entries, must be one", key="drive")

@@ -25,7 +25,7 @@ from feeder_sim.example_files import example_file
 from feeder_sim.feeder.feeder import Feeder
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.mode_shapes import RitzShape
-from feeder_sim.scenario import Excitation, HexNut, Rectangle, Run, Scattered, Scenario, Schedule, Stage, Start
+from feeder_sim.scenario import Excitation, HexNut, ModePlate, Run, Scattered, Scenario, Schedule, Stage, Start
 from feeder_sim.scene.scene import Scene
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 
@@ -136,7 +136,7 @@ def letter_scenario(
     begin = LETTERS[letter][0]
     return Scenario(
         title=f"A nut along the letter {letter}",
-        plate=Rectangle(kind="rectangle", mode_file=mode_file.resolve()),
+        plate=ModePlate(kind="modes", mode_file=mode_file.resolve()),
         schedule=Schedule(stage=tuple(stages)),
         part=(HexNut(size="M2.5", start=Start(position_mm=begin, drop_height_mm=(0.0, 0.0))),),
         run=Run(seeds=1, frames_per_second=100.0),

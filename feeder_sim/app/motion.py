@@ -21,7 +21,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.plate.actuators import Actuator, modal_force_table
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file
 from feeder_sim.plate.response import deflection_at, modal_forces, oscillators
-from feeder_sim.scenario import BendingPlate, ModePlate, Rectangle, Scenario
+from feeder_sim.scenario import BendingPlate, ModePlate, Scenario
 from feeder_sim.scene.mode_cache import modes_of_plate
 
 POINTS = 61  # of the grid, per axis
@@ -40,9 +40,9 @@ def displayed_modes(scenario: Scenario) -> ModeFile:
     if isinstance(plate, BendingPlate):
         highest = max((drive.frequency_hz for _, drive in scenario.excitations), default=0.0)
         return modes_of_plate(plate.as_file(plate.highest_frequency_hz or max(HIGHEST_HZ, 1.2 * highest)))
-    if isinstance(plate, ModePlate | Rectangle) and plate.mode_file is not None:
+    if isinstance(plate, ModePlate):
         return read_mode_file(plate.mode_file)
-    problem = f'is "{plate.kind}", whose modes the page does not show; must be "plate", or a plate with a mode_file'
+    problem = f'is "{plate.kind}", whose modes the page does not show; must be "plate" or "modes"'
     raise InputError(problem, key="plate.kind")
 
 

@@ -13,7 +13,7 @@ from feeder_sim.notebook import counted
 from feeder_sim.part.corners import MOST_CORNERS
 from feeder_sim.part.mesh_part import solid
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.scenario import GivenState, MeshPart, Placed, Rectangle, Scenario, Strip, resolve_material
+from feeder_sim.scenario import BendingPlate, GivenState, MeshPart, Placed, Scenario, Strip, resolve_material
 from feeder_sim.scenario.engine_choice import Choice, choose_engine
 from feeder_sim.scenario.rules import findings_of_level
 from feeder_sim.scene.cell import check_stop_rule, transport_cell
@@ -80,8 +80,8 @@ def plausibility_warnings(scene: Scene) -> Iterator[str]:
         if mode.doubt:
             yield f"{key}: {mode.doubt}"
     yield from _jump_warnings(scene)
-    if isinstance(plate, Strip) or (isinstance(plate, Rectangle) and plate.mode_file is None):
-        material = resolve_material(plate.material or "aluminium")
+    if isinstance(plate, Strip | BendingPlate):
+        material = resolve_material(plate.material)
         speed = largest_together(scene.times, scene.all_drives, speeds=True)
         stress = math.sqrt(3.0 * material.density * material.youngs_modulus) * speed
         if stress > BREAKS:

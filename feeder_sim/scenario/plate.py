@@ -175,39 +175,24 @@ class Strip(Table):
     material: MaterialChoice = "aluminium"
 
 
-class Rectangle(Table):
-    """A free rectangular plate: from a mode file, or computed from its dimensions.
+class RigidPlate(Table):
+    """A plate that does not bend: a tray that moves in any direction, a piston up and down, or one that stands still.
 
     A `rim` is a wall around it that no part gets over and that stands still.
     """
 
-    kind: Literal["rectangle"]
-    mode_file: Path | None = None
-    length_mm: LengthMm | None = None
-    width_mm: LengthMm | None = None
-    thickness_mm: LengthMm | None = None
-    material: MaterialChoice | None = None
-    rim: Flag = False
-
-    @model_validator(mode="after")
-    def _file_or_dimensions(self) -> Self:
-        dimensions = {"length_mm": self.length_mm, "width_mm": self.width_mm, "thickness_mm": self.thickness_mm}
-        if self.mode_file is None:
-            missing = [name for name, value in dimensions.items() if value is None]
-            if missing:
-                raise ValueError(f"{missing[0]} is missing, must be a number above 0 (or give mode_file)")
-        elif any(value is not None for value in (*dimensions.values(), self.material)):
-            raise ValueError("mode_file already holds dimensions and material, give one or the other")
-        return self
-
-
-class RigidPlate(Table):
-    """A plate that does not bend; `rim` as for `Rectangle`."""
-
+    kind: Literal["tray", "piston", "still"]
     thickness_mm: LengthMm = 3.0
     length_mm: LengthMm = 180.0
     width_mm: LengthMm = 180.0
+    tilt_deg: Annotated[float, Field(ge=-MOST_TILT_DEG, le=MOST_TILT_DEG, strict=True)] = 0.0
     rim: Flag = False
+
+    @model_validator(mode="after")
+    def _a_tray_tilts(self) -> Self:
+        if self.tilt_deg and self.kind != "tray":
+            raise ValueError(f'tilt_deg is {self.tilt_deg:g}, must be 0 with kind = "{self.kind}"')
+        return self
 
     @property
     def size(self) -> tuple[float, float, float]:
@@ -215,29 +200,10 @@ class RigidPlate(Table):
         return 1e-3 * self.length_mm, 1e-3 * self.width_mm, 1e-3 * self.thickness_mm
 
 
-class PistonPlate(RigidPlate):
-    """A plate that moves up and down as one rigid body."""
-
-    kind: Literal["piston"]
-
-
-class StillPlate(RigidPlate):
-    """A plate that nothing moves: no drive and no schedule."""
-
-    kind: Literal["still"]
-
-
-class TrayPlate(RigidPlate):
-    """A tray that moves as one rigid body, in any direction; its `rim` stands still."""
-
-    kind: Literal["tray"]
-    tilt_deg: Annotated[float, Field(ge=-MOST_TILT_DEG, le=MOST_TILT_DEG, strict=True)] = 0.0
-
-
 class ModePlate(Table):
     """A plate of any outline, with holes, all of it from a mode file; parts fall off its edge and through its holes.
 
-    A `rim` is only for a plate that is a whole rectangle; see `Rectangle`.
+    A `rim` is only for a plate that is a whole rectangle; see `RigidPlate`.
     """
 
     kind: Literal["modes"]
@@ -515,7 +481,7 @@ class BendingPlate(PlateShape, OnPlate):
     """A plate that is described here, or in a plate file whose keys may be given anew; its modes are computed.
 
     Modes are wanted up to `highest_frequency_hz`, or as far as they can be moved by the drives. A `rim` is only for a
-    rectangle; see `Rectangle`.
+    rectangle; see `RigidPlate`.
     """
 
     kind: Literal["plate"]
@@ -559,6 +525,4 @@ class BendingPlate(PlateShape, OnPlate):
             raise ValueError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
 
 
-Plate = Annotated[
-    Strip | Rectangle | ModePlate | PistonPlate | StillPlate | TrayPlate | BendingPlate, Field(discriminator="kind")
-]
+Plate = Annotated[Strip | ModePlate | RigidPlate | BendingPlate, Field(discriminator="kind")]

@@ -20,7 +20,7 @@ from pydantic import BaseModel
 from feeder_sim import extensions
 from feeder_sim.scenario.engine_choice import choose_engine, needs_steps
 from feeder_sim.scenario.part import MAX_PARTS, Placed, Start
-from feeder_sim.scenario.plate import PLATE_LEVELS, TRAY_LEVELS, TrayPlate
+from feeder_sim.scenario.plate import PLATE_LEVELS, TRAY_LEVELS
 from feeder_sim.scenario.run import Contact, MujocoSettings
 from feeder_sim.scenario.shown import differs
 
@@ -148,12 +148,12 @@ def _guides(s: Scenario) -> Broken:
 
 def _trays(s: Scenario) -> Broken:
     """How a tray is driven, and no other plate."""
-    allowed, refused = (TRAY_LEVELS, PLATE_LEVELS) if isinstance(s.plate, TrayPlate) else (PLATE_LEVELS, TRAY_LEVELS)
+    allowed, refused = (TRAY_LEVELS, PLATE_LEVELS) if s.plate.kind == "tray" else (PLATE_LEVELS, TRAY_LEVELS)
     for key, drive in s.excitations:
         for name in refused:
             if getattr(drive, name, None) is not None:
                 yield f'{key}.{name} does not go with plate.kind = "{s.plate.kind}", must be {", ".join(allowed)}'
-    if isinstance(s.plate, TrayPlate) and s.plate.tilt_deg and choose_engine(s).method not in ("exact", "joint"):
+    if s.plate.kind == "tray" and s.plate.tilt_deg and choose_engine(s).method not in ("exact", "joint"):
         yield "plate.tilt_deg", "0 but with parts that are computed without a step"
 
 
@@ -174,7 +174,7 @@ def _plane(s: Scenario) -> Broken:
         return
     if choose_engine(s).name == "mujoco":
         yield "run.planar", "false in MuJoCo"
-    if s.plate.kind in ("rectangle", "modes", "plate"):
+    if s.plate.kind in ("modes", "plate"):
         yield "plate.kind", '"strip", "piston" or "still" with run.planar = true'
     start = s.part[0].start
     if s.n_parts > 1 or s.guide is not None or not isinstance(start, Start):
@@ -191,8 +191,8 @@ def _reaction(s: Scenario) -> Broken:
         return
     if s.guide is not None:
         yield "part[0].guide", "none with run.reaction = true"
-    if s.plate.kind not in ("rectangle", "modes", "plate"):
-        yield "plate.kind", '"rectangle", "modes" or "plate" with run.reaction = true: only its modes have a mass'
+    if s.plate.kind not in ("modes", "plate"):
+        yield "plate.kind", '"modes" or "plate" with run.reaction = true: only its modes have a mass'
     for key, drive in s.excitations:
         if not drive.ring_up:
             yield f"{key}.ring_up", "true with run.reaction = true: it prescribes the motion"
@@ -280,7 +280,7 @@ def _in_impulses(s: Scenario) -> Broken:
 
 def _in_mujoco(s: Scenario) -> Broken:
     contact, run = s.contact, s.run
-    if isinstance(s.plate, TrayPlate):
+    if s.plate.kind == "tray":
         yield 'run.engine is "mujoco", must be "impulse" with plate.kind = "tray"'
     before = "in MuJoCo, whose contacts are set before it is known how fast they are"
     if s.guide is not None and s.guide.kind == "tube" and s.guide.friction > 0.0:

@@ -28,7 +28,6 @@ from feeder_sim.scenario.plate import (
     OutlineFile,
     Plate,
     PlateFile,
-    Rectangle,
     TrayExcitation,
 )
 from feeder_sim.scenario.rules import findings_of_level
@@ -57,7 +56,7 @@ def excitations_of(scenario: Scenario, kind: type[Driven]) -> tuple[tuple[str, D
 def input_files(scenario: Scenario) -> dict[str, Path]:
     """The files that a scenario reads, by its keys: of the plate, its motion, parts, their pieces and grippers."""
     files: dict[str, Path] = {}
-    if isinstance(scenario.plate, Rectangle | ModePlate) and scenario.plate.mode_file is not None:
+    if isinstance(scenario.plate, ModePlate):
         files["plate.mode_file"] = scenario.plate.mode_file
     motions = excitations_of(scenario, TrayExcitation)
     files |= {f"{key}.motion_file": drive.motion_file for key, drive in motions if drive.motion_file}
@@ -70,7 +69,7 @@ def input_files(scenario: Scenario) -> dict[str, Path]:
 def with_files(scenario: Scenario, change: Change) -> Scenario:
     """The scenario with another name for each of its files; pieces that lie beside their mesh are named, too."""
     plate, schedule = scenario.plate, scenario.schedule
-    if isinstance(plate, Rectangle | ModePlate) and plate.mode_file is not None:
+    if isinstance(plate, ModePlate):
         plate = plate.model_copy(update={"mode_file": change(plate.mode_file)})
     parts = [part.model_copy(update={k: change(file) for k, file in part.files.items()}) for part in scenario.part]
     if schedule is not None:

@@ -12,20 +12,16 @@ from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalTerms, modal_terms
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file
 from feeder_sim.plate.mode_shapes import ModeShape, Rigid, RitzShape, StandingWave, shortest_wavelength, standing_wave
-from feeder_sim.plate.modes import plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.surface import Surface, tabulate
 from feeder_sim.scenario import (
     BendingPlate,
     Excitation,
     ModePlate,
-    PistonPlate,
-    Rectangle,
+    RigidPlate,
     Scenario,
-    StillPlate,
     Strip,
     TrayExcitation,
-    TrayPlate,
     excitations_of,
     resolve_material,
 )
@@ -38,7 +34,6 @@ from feeder_sim.scene.tray import tray_motion
 
 ABOVE = 1.3  # of the highest drive, up to where modes of a described plate are computed
 STEPS = 4  # per octave
-SEARCH_FACTOR = 1.1  # modes of a plate given by its dimensions are computed this far beyond the highest drive
 # Largest amplitude over plate thickness: linear plate theory ends well below it.
 LARGEST_DEFLECTION = 1.0
 STRIP_WAVELENGTHS = 1.5
@@ -62,20 +57,16 @@ def assemble_plate(scenario: Scenario, times: Timetable) -> DrivenPlate:
         InputError: unknown mode, a frequency the plate has no mode for, missing gain, unusable mode file.
     """
     plate = scenario.plate
-    if isinstance(plate, StillPlate):
-        return _still(plate)
-    if isinstance(plate, TrayPlate):
-        return _tray(plate, excitations_of(scenario, TrayExcitation), times)
+    if isinstance(plate, RigidPlate):
+        return _rigid(plate, scenario, times)
     drives = excitations_of(scenario, Excitation)
     if isinstance(plate, Strip):
         return _strip(plate, drives, times)
-    if isinstance(plate, Rectangle | ModePlate | BendingPlate):
-        mode_file = _modes_for(plate, drives)
-        if mode_file.modes.outline is not None:
-            for problem in lines_of(scenario, plate_with_outline):
-                raise InputError(problem)
-        return _from_modes(mode_file, drives, times)
-    return _piston(plate, drives, times)
+    mode_file = read_mode_file(plate.mode_file) if isinstance(plate, ModePlate) else modes_of(plate, drives)
+    if mode_file.modes.outline is not None:
+        for problem in lines_of(scenario, plate_with_outline):
+            raise InputError(problem)
+    return _from_modes(mode_file, drives, times)
 
 
 def _strip(plate: Strip, drives: Excitations, times: Timetable) -> DrivenPlate:
@@ -96,15 +87,23 @@ def _strip(plate: Strip, drives: Excitations, times: Timetable) -> DrivenPlate:
     return _tabulated(driven, drives, times, *size, min(wavelengths), uniform_y=True)
 
 
-def _piston(plate: PistonPlate, drives: Excitations, times: Timetable) -> DrivenPlate:
+def _rigid(plate: RigidPlate, scenario: Scenario, times: Timetable) -> DrivenPlate:
+    if plate.kind == "tray":
+        return _tray(plate, excitations_of(scenario, TrayExcitation), times)
+    drives = excitations_of(scenario, Excitation)
     driven = []
     for key, drive in drives:
-        _refuse(drive, key, "piston", "mode", "voltage_vpp", "at_mm")
-        driven.append(DrivenMode("piston", Rigid(), modal_drive(drive, metres(drive.amplitude_um))))
+        _refuse(drive, key, plate.kind, "mode", "voltage_vpp", "at_mm")
+        driven.append(DrivenMode(plate.kind, Rigid(), modal_drive(drive, metres(drive.amplitude_um))))
+    if not driven:  # engines want a shape, which nothing drives
+        length, width, thickness = plate.size
+        terms = modal_terms(())
+        surface = tabulate([Rigid()], terms, length=length, width=width, thickness=thickness, uniform_y=True)
+        return DrivenPlate(surface, ())
     return _tabulated(driven, drives, times, *plate.size, math.inf, uniform_y=True)
 
 
-def _tray(plate: TrayPlate, drives: TrayExcitations, times: Timetable) -> DrivenPlate:
+def _tray(plate: RigidPlate, drives: TrayExcitations, times: Timetable) -> DrivenPlate:
     """A rigid tray; one that is tilted has a shape more, which nothing drives and which stays as it is.
 
     Its lower end stays at z = 0.
@@ -123,14 +122,6 @@ def _tray(plate: TrayPlate, drives: TrayExcitations, times: Timetable) -> Driven
     table[:n, 0] += slope * 0.5 * size[2] * table[:n, 1]  # an incline that moves along rises where one stays
     tilted = replace(surface, table=table, terms=surface.terms.joined(resting), resting=resting)
     return replace(level, surface=tilted)
-
-
-def _still(plate: StillPlate) -> DrivenPlate:
-    """A flat surface; engines want a shape, which nothing drives."""
-    length, width, thickness = plate.size
-    terms = modal_terms(())
-    surface = tabulate([Rigid()], terms, length=length, width=width, thickness=thickness, uniform_y=True)
-    return DrivenPlate(surface, ())
 
 
 def _from_modes(mode_file: ModeFile, drives: Excitations, times: Timetable) -> DrivenPlate:
@@ -174,32 +165,6 @@ def modes_of(plate: BendingPlate, drives: Excitations) -> ModeFile:
         if mode_file is not None and mode_file.modes.natural_frequency[-1] >= highest:
             return mode_file
         step *= 2.0  # a small plate, whose modes lie far apart
-
-
-def _modes_for(plate: Rectangle | ModePlate | BendingPlate, drives: Excitations) -> ModeFile:
-    if isinstance(plate, BendingPlate):
-        return modes_of(plate, drives)
-    if plate.mode_file is not None:
-        mode_file = read_mode_file(plate.mode_file)
-        if mode_file.modes.outline is not None and not isinstance(plate, ModePlate):
-            raise InputError(
-                'is "rectangle", but the mode file has an outline of its own; allowed with it is "modes"',
-                key="plate.kind",
-            )
-        return mode_file
-    if plate.length_mm is None or plate.width_mm is None or plate.thickness_mm is None:
-        raise InputError("length_mm, width_mm and thickness_mm are needed without mode_file", key="plate")
-    material = resolve_material(plate.material or "aluminium")
-    body = RectangularPlate(plate.length_mm * 1e-3, plate.width_mm * 1e-3, plate.thickness_mm * 1e-3, material)
-    highest = max(drive.natural_frequency_hz or drive.frequency_hz for _, drive in drives)
-    try:
-        modes = plate_modes(body, highest_frequency=highest * SEARCH_FACTOR)
-    except ValueError as error:
-        raise InputError(f"is {highest:g}, {error}", key=f"{drives[0][0]}.frequency_hz") from error
-    if not len(modes):
-        key, drive = drives[0]
-        raise InputError(f"is {drive.frequency_hz}, below the first mode of the plate", key=f"{key}.frequency_hz")
-    return ModeFile(modes)
 
 
 def _tabulated(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import GivenState, Heap, Placed, Scattered, Start, TrayPlate
+from feeder_sim.scenario import GivenState, Heap, Placed, RigidPlate, Scattered, Start
 from feeder_sim.scene.fits import FREE_TILT, UPRIGHT, check_width
 from feeder_sim.scene.overlap import check_apart, check_off_rim, parts_overlap
 from feeder_sim.scene.scene import Guide, Scene
@@ -160,7 +160,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             position = next(centres[start]) + np.array([0.0, 0.0, 1e-3 * start.drop_height_mm[0]])
             if not placed.free(position, kind.size):
                 raise InputError("overlaps other parts", key=f"part[{i}].start")
-        if isinstance(scene.scenario.plate, TrayPlate):
+        if isinstance(scene.scenario.plate, RigidPlate):
             position, quaternion = _on_tray(scene.scenario.plate, scene.surface, position, quaternion)
         before = [pose.place for pose in poses]
         if isinstance(start, Placed):
@@ -177,7 +177,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
 
 
 def _on_tray(
-    tray: TrayPlate, surface: Surface, position: NDArray[np.float64], quaternion: NDArray[np.float64]
+    tray: RigidPlate, surface: Surface, position: NDArray[np.float64], quaternion: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A place over a level tray and an attitude, turned with the tray about where the part comes down."""
     from scipy.spatial.transform import Rotation

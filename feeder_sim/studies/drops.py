@@ -32,7 +32,7 @@ from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import NONE, StablePose, stable_poses
 from feeder_sim.run.compilation import compilation_announced, in_daemon_thread
 from feeder_sim.run.work import Work
-from feeder_sim.scenario import Ball, Contact, Run, Scenario, StillPlate
+from feeder_sim.scenario import Ball, Contact, RigidPlate, Run, Scenario
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded
 
@@ -167,7 +167,7 @@ def still_plate(part: RigidPart, contact: Contact, engine: Engine) -> Scene:
     """A scene with one part on a large plate that nothing moves: that of a ball, with the part in its place."""
     longest = LONGEST * math.sqrt(2.0 * HEIGHT * part.longest / GRAVITY)
     scenario = Scenario(
-        plate=StillPlate(kind="still", length_mm=PLATE_MM, width_mm=PLATE_MM),
+        plate=RigidPlate(kind="still", length_mm=PLATE_MM, width_mm=PLATE_MM),
         part=(Ball(shape="ball", diameter_mm=1e3 * part.longest),),
         contact=contact,
         run=Run(engine=engine, duration_s=longest, frames_per_second=1.0 / INTERVAL_S),

@@ -143,7 +143,7 @@ def test_threads_and_a_run_folder_change_nothing(result: Result, tmp_path: Path)
 )
 def test_parts_that_are_added_move_as_parts_do(engine: str, reaction: bool) -> None:
     """They fall from where they were let go onto others and the plate, into which nothing sinks; none is in another."""
-    plate = {"kind": "rectangle", "length_mm": 60.0, "width_mm": 60.0, "thickness_mm": 3.0}
+    plate = {"kind": "plate", "length_mm": 60.0, "width_mm": 60.0, "thickness_mm": 3.0}
     stage = PICKING | {"drive": [{"frequency_hz": 5000.0, "amplitude_um": 2.0}], "duration_s": 0.04, "pause_s": 0.02}
     schedule = {"cycles": 3, "stage": [stage | {"pick": {"clearance_mm": 8.0}}]}
     run = {"engine": engine, "seeds": 1, "frames_per_second": 1000.0, "reaction": reaction}

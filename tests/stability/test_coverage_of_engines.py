@@ -47,7 +47,7 @@ IN_MUJOCO: Raw = {"run.engine": "mujoco"}
 IN_A_TUBE: Raw = {"part[0].guide": TUBE}
 IN_A_PLANE: Raw = {"part[0].start": ONE_YAW, "run.planar": True}
 ROUGH: Raw = {"part[0].guide": TUBE | {"friction": 0.2}}
-MODES: Raw = {"kind": "rectangle", "mode_file": str(REPOSITORY / "models/plate_180/modes.h5")}
+MODES: Raw = {"kind": "modes", "mode_file": str(REPOSITORY / "models/plate_180/modes.h5")}
 OF_COMPLIANT: Raw = {f"contact.{key}": value for key, value in COMPLIANT.items()}
 OTHER_SETTINGS = {
     "plate": "mocap",

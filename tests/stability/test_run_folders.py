@@ -35,7 +35,7 @@ from feeder_sim.replay.replay import build_replay
 from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import carry_files, record_run, resume_run
 from feeder_sim.run.work import Work
-from feeder_sim.scenario import MeshPart, Rectangle, Scenario, load_scenario, with_run
+from feeder_sim.scenario import MeshPart, ModePlate, Scenario, load_scenario, with_run
 
 MODES = REPOSITORY / "models/plate_180/modes.h5"
 
@@ -355,7 +355,7 @@ def test_a_run_that_ends_writes_no_summary_of_another(tmp_path: Path, monkeypatc
 
 
 SCENARIO = {
-    "plate": {"kind": "rectangle", "mode_file": "a plate/modes.h5"},
+    "plate": {"kind": "modes", "mode_file": "a plate/modes.h5"},
     "drive": [{"frequency_hz": 2797.0, "amplitude_um": 2.0}],
     "part": [{"shape": "mesh", "file": "../box.stl"}],
     "run": {"duration_s": 1.0, "seeds": 2},
@@ -404,7 +404,7 @@ def of_files(mode_file: Path, meshes: list[Path], fingers: Path) -> Scenario:
     stage = {"drive": [{"frequency_hz": 2797.0, "amplitude_um": 1.0}], "duration_s": 1.0, "pick": {"shape": fingers}}
     start = {"kind": "scattered"}
     parts = [{"shape": "mesh", "name": f"m{i}", "file": mesh, "start": start} for i, mesh in enumerate(meshes)]
-    plate = {"kind": "rectangle", "mode_file": mode_file}
+    plate = {"kind": "modes", "mode_file": mode_file}
     return Scenario.model_validate({"plate": plate, "schedule": {"stage": [stage]}, "part": parts, "run": {}})
 
 
@@ -439,7 +439,7 @@ def test_a_large_file_stays_where_it_is_and_the_user_hears_of_it(
     loaded = load_scenario(scenario)
     (tmp_path / "run").mkdir()
     carried = carry_files(loaded, tmp_path / "run", said.append)
-    assert carried.plate.kind == "rectangle" and carried.plate.mode_file == scenario.parent / "a plate/modes.h5"
+    assert carried.plate.kind == "modes" and carried.plate.mode_file == scenario.parent / "a plate/modes.h5"
     assert [path.name for path in (tmp_path / "run/inputs").iterdir()] == ["box.stl"]
     (line,) = said
     assert "modes.h5 is too large to be copied into" in line
@@ -487,8 +487,8 @@ def test_relative_names_of_a_scenario_built_in_code_start_from_the_current_folde
     scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(scenario.parent)
-    plate = Rectangle(kind="rectangle", mode_file=Path("a plate/modes.h5"))
+    plate = ModePlate(kind="modes", mode_file=Path("a plate/modes.h5"))
     built = load_scenario(scenario).model_copy(update={"plate": plate, "part": ()})
     carried = carry_files(built, tmp_path)
-    assert carried.plate.kind == "rectangle" and carried.plate.mode_file == Path("inputs/modes.h5")
+    assert carried.plate.kind == "modes" and carried.plate.mode_file == Path("inputs/modes.h5")
     assert (tmp_path / "inputs/modes.h5").read_bytes() == (scenario.parent / "a plate/modes.h5").read_bytes()

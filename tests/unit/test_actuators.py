@@ -19,7 +19,7 @@ from feeder_sim.plate.pairs import mode_pairs
 from feeder_sim.plate.response import frequency_response, modal_forces, oscillators, voltages
 from feeder_sim.plots.pictures import spaced
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scenario, Start, load_plate_file, load_scenario
+from feeder_sim.scenario import Drive, HexNut, ModePlate, Run, Scenario, Start, load_plate_file, load_scenario
 from feeder_sim.scene.plate_modes import compute_modes
 from feeder_sim.scene.scene import Scene, build_scene
 
@@ -36,7 +36,7 @@ PLATE: Raw = {
 }
 SCENARIO = """
 [plate]
-kind = "rectangle"
+kind = "modes"
 mode_file = "modes.h5"
 [[drive]]
 frequency_hz = {frequency:.4f}
@@ -369,7 +369,7 @@ def measured_plate(folder: Path, frequency: float, *more: str) -> Path:
 
 def scenario(mode_file: Path, **drive: object) -> Scenario:
     return Scenario(
-        plate=Rectangle(kind="rectangle", mode_file=mode_file),
+        plate=ModePlate(kind="modes", mode_file=mode_file),
         drive=(Drive(**({"voltage_vpp": 10.0} | drive)),),  # type: ignore[arg-type]
         part=(HexNut(size="M2.5", start=Start(position_mm=(3.0, 0.0))),),
         run=Run(duration_s=0.1, seeds=1),

@@ -15,14 +15,14 @@ from command_line import check_refused, feeder_sim
 
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.run_folder import record_run
-from feeder_sim.scenario import Ball, Drive, MeshPart, PistonPlate, Run, Scenario, Slide, Start
+from feeder_sim.scenario import Ball, Drive, MeshPart, RigidPlate, Run, Scenario, Slide, Start
 from feeder_sim.studies.compare import difference
 
 
 def ball(**changes: Any) -> Scenario:
     return Scenario(
         title="a ball",
-        plate=PistonPlate(kind="piston"),
+        plate=RigidPlate(kind="piston"),
         drive=(Drive(frequency_hz=50.0, amplitude_um=230.0, ring_up=False),),
         part=(Ball(shape="ball", diameter_mm=3.0, guide=Slide(kind="slide"), start=Start(drop_height_mm=(1.4, 2.0))),),
         run=Run(seeds=3, duration_s=1.0),

@@ -14,7 +14,7 @@ pytest.importorskip("gymnasium")
 import feeder_sim
 from feeder_sim.errors import InputError
 from feeder_sim.feeder.environment import FeederEnvironment
-from feeder_sim.scenario import Excitation, HexNut, Pick, Placed, Rectangle, Schedule, Stage
+from feeder_sim.scenario import BendingPlate, Excitation, HexNut, Pick, Placed, Schedule, Stage
 
 
 def environment(**changes: Any) -> FeederEnvironment:
@@ -109,7 +109,7 @@ def test_a_refill_needs_one_in_the_scenario() -> None:
 def test_bounds_are_those_of_the_plate() -> None:
     """A plate of 3 m: what lies 1.2 m from its middle is seen there."""
     place = Placed(kind="placed", places_mm_deg=((1200.0, 0.0, 0.0),))
-    plate = Rectangle(kind="rectangle", length_mm=3000.0, width_mm=400.0, thickness_mm=20.0, material="aluminium")
+    plate = BendingPlate(kind="plate", length_mm=3000.0, width_mm=400.0, thickness_mm=20.0, material="aluminium")
     slow = Stage(drive=(Excitation(frequency_hz=11.4, amplitude_um=1.0),), duration_s=0.1)
     large = scenario(plate=plate, part=(HexNut(size="M2.5", start=place),), schedule=Schedule(stage=(slow,)))
     env = FeederEnvironment(large)

@@ -26,7 +26,7 @@ from feeder_sim.scenario import (
     Drive,
     HexNut,
     Pick,
-    PistonPlate,
+    RigidPlate,
     Run,
     Scenario,
     Schedule,
@@ -54,7 +54,7 @@ def picking() -> Scenario:
 def bouncing() -> Scenario:
     """A nut in a guide, long enough for batches of bounces."""
     return Scenario(
-        plate=PistonPlate(kind="piston"),
+        plate=RigidPlate(kind="piston"),
         drive=(Drive(frequency_hz=558.0, amplitude_um=30.0),),
         part=(HexNut(size="M2.5", start=Start(drop_height_mm=(0.1, 0.9)), guide=Slide(kind="slide", tilt_deg=8.0)),),
         run=Run(duration_s=0.8, seeds=2),

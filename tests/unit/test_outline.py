@@ -22,7 +22,7 @@ from feeder_sim.plate.outline import Outline, checked_outline
 from feeder_sim.plate.sequences import nodes_on_line
 from feeder_sim.records.seed import Status
 from feeder_sim.run.batch import measure_drift
-from feeder_sim.scenario import Heap, HexNut, Rectangle, Scattered, Scenario, Start
+from feeder_sim.scenario import Heap, HexNut, Scattered, Scenario, Start
 from feeder_sim.scene.scene import build_scene
 from feeder_sim.scene.start import start_poses
 
@@ -146,19 +146,8 @@ def test_what_cannot_be_computed_is_refused(tmp_path: Path) -> None:
         ({"run.engine": "mujoco"}, 'run.engine is "mujoco"'),
         ({"contact": {"model": "compliant", "time_constant_us": 500.0}}, 'run.engine is "mujoco"'),
         ({"plate.rim": True}, "plate.rim"),
-        ({"plate.kind": "rectangle"}, 'plate.kind: is "rectangle"'),
     ):
         assert expected in refusal(lambda changes: build_scene(on_plate(file).changed(changes)), change)
-
-
-def test_a_rectangle_of_modes_is_that_rectangle(repository: Path) -> None:
-    base = package.load_scenario(repository / "scenarios/drift_2797hz_plate.toml")
-    assert isinstance(base.plate, Rectangle) and base.plate.mode_file is not None
-    short = base.changed({"run.duration_s": 0.2, "run.stop": "time", "run.seeds": 1})
-    same = short.changed({"plate": {"kind": "modes", "mode_file": base.plate.mode_file}})
-    one, other = (package.simulate(scenario).trajectories[0] for scenario in (short, same))
-    np.testing.assert_array_equal(one.position, other.position)
-    assert not package.simulate(same.changed({"run.duration_s": 0.02, "run.engine": "mujoco"})).failures
 
 
 def test_damaged_outlines_are_refused(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from feeder_sim.scenario import (
     Excitation,
     HexNut,
     Pick,
-    PistonPlate,
+    RigidPlate,
     Run,
     Scattered,
     Scenario,
@@ -52,7 +52,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shake = Stage(name="shake", drive=drives, duration_s=0.1, pause_s=0.1, pick=Pick(clearance_mm=10.0))
     start = Scattered(kind="scattered")
     scenario = Scenario(
-        plate=PistonPlate(kind="piston", length_mm=60.0, width_mm=40.0),
+        plate=RigidPlate(kind="piston", length_mm=60.0, width_mm=40.0),
         schedule=Schedule(stage=(shake,), cycles=2),
         part=tuple(Ball(shape="ball", diameter_mm=size, count=FEW, start=start) for size in (SMALL_MM, LARGE_MM)),
         run=Run(seeds=1, frames_per_second=100.0),

@@ -25,7 +25,7 @@ from feeder_sim.measures import catalogue
 from feeder_sim.measures.protocol import FindingsBase
 from feeder_sim.run.run_folder import SUMMARY, scenario_toml
 from feeder_sim.run.work import Work
-from feeder_sim.scenario import HexNut, Rectangle, Scenario, Start
+from feeder_sim.scenario import HexNut, ModePlate, Scenario, Start
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_interrupted_run_opens(tmp_path: Path) -> None:
 
 def test_run_whose_input_is_gone_gives_frames_and_the_stored_summary(run: Path) -> None:
     recording = feeder_sim.open(run).recording
-    plate = Rectangle(kind="rectangle", mode_file=run / "gone.h5")
+    plate = ModePlate(kind="modes", mode_file=run / "gone.h5")
     text = scenario_toml(strip_scenario(seeds=2).model_copy(update={"plate": plate}))
     gone = OpenedRun(replace(recording, scenario_text=text, inputs={"plate.mode_file": 64 * "0"}))
     changed = OpenedRun(replace(recording, inputs={"plate.mode_file": 64 * "0"}))

@@ -27,8 +27,8 @@ from feeder_sim.scenario import (
     Drive,
     Excitation,
     HexNut,
-    PistonPlate,
-    Rectangle,
+    ModePlate,
+    RigidPlate,
     Run,
     Scattered,
     Scenario,
@@ -208,7 +208,7 @@ def two_cycles() -> Scenario:
     gather = Stage(name="gather", drive=(high, low), duration_s=2.0)
     pick = Stage(drive=(low,), duration_s=0.5, pause_s=0.25, pick=Pick(clearance_mm=7.0))
     schedule = Schedule(cycles=2, prepare=prepare, stage=(gather, pick))
-    return scheduled(schedule, plate=PistonPlate(kind="piston"))
+    return scheduled(schedule, plate=RigidPlate(kind="piston"))
 
 
 def test_stages_follow_one_another_over_the_cycles() -> None:
@@ -275,7 +275,7 @@ def test_a_plate_mode_of_several_stages_is_one_shape() -> None:
     gather = Excitation(frequency_hz=2646.0, voltage_vpp=120.0)
     separate = Excitation(frequency_hz=2797.0, voltage_vpp=120.0)
     stages = tuple(Stage(drive=(drive,), duration_s=0.1) for drive in (gather, separate, gather))
-    plate = Rectangle(kind="rectangle", mode_file=REPOSITORY / "models/plate_180/modes.h5")
+    plate = ModePlate(kind="modes", mode_file=REPOSITORY / "models/plate_180/modes.h5")
     surface = build_scene(scheduled(Schedule(stage=stages), plate=plate)).surface
     assert surface.n_shapes == 2
     assert set(surface.terms.shape) == {0, 1}

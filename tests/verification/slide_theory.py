@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from feeder_sim.constants import GRAVITY
 from feeder_sim.records.seed import Events, Seed
 from feeder_sim.run.simulation import simulate
-from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Slide, Start
+from feeder_sim.scenario import Ball, Contact, Drive, RigidPlate, Run, Scenario, Slide, Start
 
 RADIUS = 1.5e-3
 TILT, FRICTION = 30.0, 0.3  # of the tilted guides
@@ -94,7 +94,7 @@ def slide_scenario(
     guide = Slide(kind="slide", tilt_deg=tilt_deg, friction=friction)
     start = Start(drop_height_mm=drop_mm if isinstance(drop_mm, tuple) else (drop_mm, drop_mm))
     return Scenario(
-        plate=PistonPlate(kind="piston"),
+        plate=RigidPlate(kind="piston"),
         drive=tuple(drive.drive() if isinstance(drive, Sine) else drive for drive in drives),
         part=(Ball(shape="ball", diameter_mm=2e3 * RADIUS, guide=guide, start=start),),
         contact=Contact(restitution=e, noise_m_s=noise_m_s),

@@ -20,12 +20,12 @@ from feeder_sim.engines.impulse.pairs import hulls, separating_axis, touching_po
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
 from feeder_sim.engines.impulse.pairs.separating_axis import new_meeting
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, new_parts
-from feeder_sim.scenario import Box, GivenState, HexNut, Run, Scenario, Start, StillPlate
+from feeder_sim.scenario import Box, GivenState, HexNut, RigidPlate, Run, Scenario, Start
 from feeder_sim.scene.scene import Scene, build_scene
 
 SIDE = 4.0  # [mm] of a cube
 BLOCK = (6.0, 6.0, 3.0)  # [mm]
-PLATE = StillPlate(kind="still", length_mm=200.0, width_mm=200.0)
+PLATE = RigidPlate(kind="still", length_mm=200.0, width_mm=200.0)
 TOUCH = 1e-6  # [m]
 
 

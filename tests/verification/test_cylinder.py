@@ -18,12 +18,12 @@ from feeder_sim.engines.impulse.rest import CARRIES
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE
 from feeder_sim.part.rigid_part import CORNER_RADIUS, RigidPart
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.scenario import Contact, Cylinder, Drive, PistonPlate, Run, Scenario, Start, Strip
+from feeder_sim.scenario import Contact, Cylinder, Drive, RigidPlate, Run, Scenario, Start, Strip
 from feeder_sim.scene.scene import build_scene
 
 RADIUS, HALF = 2e-3, 3e-3  # [m]
 ON_ITS_SIDE = Rotation.from_euler("x", 90.0, degrees=True)  # axis along y
-STILL = PistonPlate(kind="piston", length_mm=60.0, width_mm=60.0)
+STILL = RigidPlate(kind="piston", length_mm=60.0, width_mm=60.0)
 
 
 class Thrown:

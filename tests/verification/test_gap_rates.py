@@ -58,7 +58,7 @@ PLATES: dict[str, dict[str, Any]] = {
     "piston": {"kind": "piston", "length_mm": 40.0, "width_mm": 20.0},
     "tube": {"kind": "piston", "length_mm": 40.0, "width_mm": 20.0},
     "rim": {"kind": "piston", "width_mm": 24.0, "rim": True},
-    "bending": {"kind": "rectangle", "mode_file": str(MODES)},
+    "bending": {"kind": "modes", "mode_file": str(MODES)},
 }
 BETWEEN = {"box": 16.8, "nut": 14.0, "ball": 7.8, "rod": 12.4, "coin": 10.6}  # walls [mm]: parts come near them
 TUBE = {"kind": "tube", "inner_diameter_mm": 21.0, "tilt_deg": 20.0, "friction": 0.2}

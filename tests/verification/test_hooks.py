@@ -12,7 +12,7 @@ from hooks import S_HOOK, U_HOOK, of_boxes, piece_distances, with_parts
 from feeder_sim.engines.impulse import parts_engine as impulse
 from feeder_sim.engines.mujoco import engine as mujoco
 from feeder_sim.engines.protocol import engine_class
-from feeder_sim.scenario import Contact, Drive, Heap, HexNut, PistonPlate, Run, Scattered, Scenario
+from feeder_sim.scenario import Contact, Drive, Heap, HexNut, RigidPlate, Run, Scattered, Scenario
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.start import Pose
@@ -29,7 +29,7 @@ def plate(count: int, engine: str, *, amplitude_um: float = 0.0, contact: dict[s
     """Hooks over a plate that moves up and down."""
     start = Heap(kind="heap", diameter_mm=30.0) if count > 2 else Scattered(kind="scattered")
     scenario = Scenario(
-        plate=PistonPlate(kind="piston", length_mm=50.0, width_mm=50.0, rim=count > 2),
+        plate=RigidPlate(kind="piston", length_mm=50.0, width_mm=50.0, rim=count > 2),
         drive=(Drive(frequency_hz=2000.0, amplitude_um=amplitude_um, ring_up=False),),
         part=(HexNut(size="M5", count=count, start=start),),
         contact=Contact.model_validate(contact),

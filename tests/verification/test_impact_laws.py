@@ -31,7 +31,7 @@ from feeder_sim.plate.zener import (
 )
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.work import Work
-from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Rectangle, Run, Scenario, Start, Strip
+from feeder_sim.scenario import Ball, Contact, Drive, ModePlate, RigidPlate, Run, Scenario, Start, Strip
 from feeder_sim.scene.part import zener_inelasticities
 from feeder_sim.scene.scene import Scene, build_scene
 
@@ -161,7 +161,7 @@ def test_prediction_says_how_far_it_holds() -> None:
 @pytest.mark.slow
 def test_zener_finds_the_plate_of_a_mode_file() -> None:
     """The 180 mm plate is 3 mm of aluminium, as the strip."""
-    plate = Rectangle(kind="rectangle", mode_file=REPOSITORY / "models/plate_180/modes.h5")
+    plate = ModePlate(kind="modes", mode_file=REPOSITORY / "models/plate_180/modes.h5")
     drive = Drive(frequency_hz=2797.0, amplitude_um=1.0)
     ball = Ball(shape="ball", diameter_mm=2e3 * RADIUS)
     contact, run = Contact(restitution="zener"), Run(duration_s=0.1, seeds=1)
@@ -203,7 +203,7 @@ def test_restitution_falls_on_a_plate_that_gives_way_too() -> None:
     """The plate's modes are some hundred times as heavy as the ball; the law holds for the velocity relative to it."""
     start = Start(drop_height_mm=(0.0, 0.0), velocity_mm_s=(0.0, 0.0, -1e3))
     scenario = Scenario(
-        plate=Rectangle(kind="rectangle", mode_file=REPOSITORY / "models/plate_180/modes.h5"),
+        plate=ModePlate(kind="modes", mode_file=REPOSITORY / "models/plate_180/modes.h5"),
         drive=(Drive(frequency_hz=2797.0, amplitude_um=1e-3),),
         part=(Ball(shape="ball", diameter_mm=2e3 * RADIUS, start=start),),
         contact=Contact(restitution=0.4, restitution_exponent=0.25, restitution_speed_m_s=0.1),
@@ -220,7 +220,7 @@ def test_balls_meet_each_other_by_the_same_law(law: dict[str, Any], friction: fl
     """Two balls meet in the air, off centre, a micrometre after they start; gravity acts on both alike."""
     n, u = np.array([-0.8, 0.36, 0.48]), np.array([2.0, 0.0, 0.0])
     scenario = Scenario(
-        plate=PistonPlate(kind="piston"),
+        plate=RigidPlate(kind="piston"),
         drive=(Drive(frequency_hz=5e3, amplitude_um=0.0, ring_up=False),),
         part=tuple(
             Ball(shape="ball", diameter_mm=2e3 * RADIUS, start=Start(position_mm=(x, 0.0), drop_height_mm=(20.0, 20.0)))

@@ -36,11 +36,10 @@ from feeder_sim.scenario import (
     GivenState,
     HexNut,
     MeshPart,
-    PistonPlate,
+    RigidPlate,
     Run,
     Scenario,
     Start,
-    StillPlate,
 )
 
 BRACKET, SCREW = (REPOSITORY / f"models/{name}/{name}.stl" for name in ("bracket", "screw"))
@@ -48,8 +47,8 @@ FOUR = ("nut", "box", "ball")
 GAINED = 1e-7  # [m] of height
 EDGED = ("nut", "box", "bracket")  # what does not roll
 ALL = (*FOUR, "bracket")
-PISTON = PistonPlate(kind="piston", length_mm=300.0, width_mm=300.0)
-LARGE = StillPlate(kind="still", length_mm=1000.0, width_mm=1000.0)
+PISTON = RigidPlate(kind="piston", length_mm=300.0, width_mm=300.0)
+LARGE = RigidPlate(kind="still", length_mm=1000.0, width_mm=1000.0)
 
 Rng = np.random.Generator
 
@@ -133,7 +132,7 @@ def test_a_block_that_tips_over_the_edge_gains_no_energy() -> None:
         velocity_mm_s=(32.0, 0.0, -100.0),
     )
     part = Box(shape="box", size_mm=(9.87, 7.39, 8.76), start=start)
-    plate = StillPlate(kind="still", length_mm=40.0, width_mm=200.0)
+    plate = RigidPlate(kind="still", length_mm=40.0, width_mm=200.0)
     scene, (frames,) = recorded(scenario(part, plate=plate, contact=Contact(restitution=0.0, friction=0.0)))
     height = energy(scene, frames)[:, 0] / (GRAVITY * scene.parts[0].mass)
     row = int(np.searchsorted(frames.time, 0.2))
@@ -148,7 +147,7 @@ def test_nothing_gains_energy_at_an_edge(name: str, seed: int) -> None:
     """Pushed over the edge of a small plate, with any friction and restitution."""
     rng = np.random.default_rng([seed, ALL.index(name), 1])
     part = a_part(name, rng, state(rng, (10.0, 5.0, 12.0), (150.0, 20.0, 0.0)))
-    plate = StillPlate(kind="still", length_mm=30.0, width_mm=40.0)
+    plate = RigidPlate(kind="still", length_mm=30.0, width_mm=40.0)
     scene, (frames,) = recorded(scenario(part, plate=plate, contact=random_contact(rng)))
     assert growth(scene, frames) < GAINED
 
@@ -266,7 +265,7 @@ def plate_height(scene: Any, frames: Frames) -> np.ndarray:
 @pytest.mark.parametrize("frequency_hz", [27.0, 50.0])
 def test_no_ball_passes_through_a_slow_piston(frequency_hz: float, seeds: int) -> None:
     part = Ball(shape="ball", diameter_mm=3.0, start=Start(drop_height_mm=(20.0, 25.0)))
-    plate = PistonPlate(kind="piston", length_mm=100.0, width_mm=100.0)
+    plate = RigidPlate(kind="piston", length_mm=100.0, width_mm=100.0)
     run: dict[str, Any] = {"duration_s": 0.1, "seeds": seeds, "frames_per_second": 1000.0}
     driven = scenario(part, plate=plate, drive=swing(frequency_hz, 20.0), **run)
     scene, runs = recorded(driven)

@@ -32,7 +32,7 @@ from feeder_sim.scenario import (
     Drive,
     Heap,
     HexNut,
-    PistonPlate,
+    RigidPlate,
     Run,
     Scattered,
     Scenario,
@@ -227,7 +227,7 @@ def test_distance_in_random_poses_is_that_of_the_minkowski_difference(a: RigidPa
 def resting_plate(part: Any, *others: Any, side_mm: float = 60.0, **contact: Any) -> Scene:
     return build_scene(
         Scenario(
-            plate=PistonPlate(kind="piston", length_mm=side_mm, width_mm=side_mm),
+            plate=RigidPlate(kind="piston", length_mm=side_mm, width_mm=side_mm),
             drive=(Drive(frequency_hz=500.0, amplitude_um=0.0),),
             part=(part, *others),
             contact=Contact(**contact),

@@ -50,8 +50,8 @@ def circle(radius: float, n: int = 360) -> NDArray[np.float64]:
     return out * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def edge_determinant(k: float, n: int, radii: tuple[float, ...]) -> float:
-    """Zero where k is a wavenumber of a mode with n nodal diameters and free edges at the radii."""
+def edge_determinant(k: Any, n: int, radii: tuple[float, ...]) -> Any:
+    """Zero where k, shape (...), is a wavenumber of a mode with n nodal diameters and free edges at the radii."""
     rows = []
     for r in radii:
         moments, shears = [], []
@@ -61,8 +61,8 @@ def edge_determinant(k: float, n: int, radii: tuple[float, ...]) -> float:
             change = w3 + w2 / r - (1.0 + n**2) * w1 / r**2 + 2.0 * n**2 * w / r**3
             shears.append(change - (1.0 - NU) * n**2 / r * (w1 / r - w / r**2))
         rows += [moments, shears]
-    matrix = np.array(rows)
-    return float(np.linalg.det(matrix / np.abs(matrix).max(axis=0)))
+    matrix = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    return np.linalg.det(matrix / np.abs(matrix).max(axis=-2, keepdims=True))
 
 
 def round_plate(radii: tuple[float, ...], thickness: float) -> NDArray[np.float64]:
@@ -71,7 +71,7 @@ def round_plate(radii: tuple[float, ...], thickness: float) -> NDArray[np.float6
     k = np.linspace(0.3, 12.0, 1500)
     outer, inside = radii[0], tuple(r / radii[0] for r in radii)
     for n in range(9):
-        values = np.array([edge_determinant(x, n, inside) for x in k])
+        values = edge_determinant(k, n, inside)
         roots = [
             brentq(edge_determinant, k[i], k[i + 1], args=(n, inside))
             for i in np.flatnonzero(values[:-1] * values[1:] < 0.0)

@@ -22,7 +22,7 @@ from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import build_scene
 
-PLATE = {"kind": "rectangle", "mode_file": REPOSITORY / "models" / "plate_180" / "modes.h5"}
+PLATE = {"kind": "modes", "mode_file": REPOSITORY / "models" / "plate_180" / "modes.h5"}
 NUT = {"shape": "hex_nut", "size": "M2.5"}
 BALL = {"shape": "ball", "diameter_mm": 8.0}
 EXACT = 1e-6  # of the energy that the modes have got; what is left is round-off

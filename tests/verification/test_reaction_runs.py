@@ -67,8 +67,8 @@ RING = [{"frequency_hz": 2797.0, "amplitude_um": 1.0}]
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"plate": {"kind": "strip", "thickness_mm": 3.0}}, ("plate.kind", "strip", "rectangle")),
-        ({"plate": {"kind": "piston"}}, ("plate.kind", "piston", "rectangle")),
+        ({"plate": {"kind": "strip", "thickness_mm": 3.0}}, ("plate.kind", "strip", "modes")),
+        ({"plate": {"kind": "piston"}}, ("plate.kind", "piston", "modes")),
         (
             {"plate": {"kind": "piston"}, "part": [BALL | {"guide": {"kind": "slide", "tilt_deg": 0.0}}]},
             ("part[0].guide", "must be none"),

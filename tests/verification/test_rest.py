@@ -11,7 +11,7 @@ from conftest import changing, opened
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE
-from feeder_sim.scenario import Ball, Contact, HexNut, PistonPlate, Run, Scenario, Start
+from feeder_sim.scenario import Ball, Contact, HexNut, RigidPlate, Run, Scenario, Start
 from feeder_sim.scenario.schedule import Schedule, Stage
 from feeder_sim.scene.scene import build_scene
 
@@ -28,7 +28,7 @@ def engine(*parts: Any, pause_s: float = 2.0, shake_s: float = 0.05, **contact: 
     still = Stage(name="rest", duration_s=pause_s)
     stages = (still, Stage.model_validate({"name": "shake", "drive": [SHAKE], "duration_s": shake_s}))
     scenario = Scenario(
-        plate=PistonPlate(kind="piston"),
+        plate=RigidPlate(kind="piston"),
         schedule=Schedule(stage=stages),
         part=(*parts, nut(-0.05, 0.05)),
         contact=Contact(**contact),

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.run.simulation import Result, simulate
-from feeder_sim.scenario import Ball, Contact, Cylinder, Drive, PistonPlate, Run, Scenario, Slide, Start, Tube
+from feeder_sim.scenario import Ball, Contact, Cylinder, Drive, RigidPlate, Run, Scenario, Slide, Start, Tube
 from feeder_sim.scene.scene import build_scene
 
 TILT = 30.0
@@ -21,7 +21,7 @@ CYLINDER = {"shape": "cylinder", "diameter_mm": 4.5, "height_mm": 6.0}
 
 def scene(part: Ball | Cylinder, *, amplitude_um: float = 0.0, **run: object) -> Scenario:
     return Scenario(
-        plate=PistonPlate(kind="piston", length_mm=300.0, width_mm=300.0),
+        plate=RigidPlate(kind="piston", length_mm=300.0, width_mm=300.0),
         drive=(Drive(frequency_hz=558.0, amplitude_um=amplitude_um, ring_up=False),),
         part=(part,),
         contact=Contact(),

@@ -230,14 +230,18 @@ def _expected(plate: RectangularPlate, outline: Outline, highest: float) -> int:
 
 def _solved(stiffness: Any, mass: Any, highest: float, expected: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Squared circular frequencies [1/s^2] and vectors, mass-normalised, of the modes up to a frequency [Hz]."""
-    from scipy.sparse.linalg import eigsh
+    from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-    n = stiffness.shape[0]
+    n, shift = stiffness.shape[0], -((2.0 * math.pi * SHIFT_HZ) ** 2)
+    # Shifted below all eigenvalues it is positive definite: ordered as a symmetric matrix, without pivots, it fills less.
+    symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    factor = splu((stiffness - shift * mass).tocsc(), **symmetric)
+    inverse = LinearOperator((n, n), factor.solve, dtype=float)
     start = np.random.default_rng(0).normal(size=n)  # the same bits every time
     while True:
         requested = min(expected, n - 2)
         squared, vectors = eigsh(
-            stiffness, k=requested, M=mass, sigma=-((2.0 * math.pi * SHIFT_HZ) ** 2), which="LM", v0=start
+            stiffness, k=requested, M=mass, sigma=shift, OPinv=inverse, which="LM", v0=start
         )
         if squared.max() > (2.0 * math.pi * highest) ** 2 or requested == n - 2:
             break

@@ -24,7 +24,6 @@ from feeder_sim.scenario import (
     CustomMaterial,
     Drive,
     ModePlate,
-    Rectangle,
     Run,
     Scattered,
     Scenario,
@@ -159,15 +158,10 @@ def strip_of(scenario: Scenario) -> Strip:
         InputError: it has no bending waves.
     """
     plate = scenario.plate
-    if isinstance(plate, Strip):
+    if isinstance(plate, Strip | BendingPlate):
         return Strip(thickness_mm=plate.thickness_mm, material=plate.material)
-    if isinstance(plate, BendingPlate):
-        return Strip(thickness_mm=plate.thickness_mm, material=plate.material)
-    if not isinstance(plate, Rectangle | ModePlate):
+    if not isinstance(plate, ModePlate):
         raise InputError(f'is "{plate.kind}", must be a plate with bending waves', key="plate.kind")
-    if plate.mode_file is None:
-        assert isinstance(plate, Rectangle) and plate.thickness_mm is not None  # its own check
-        return Strip(thickness_mm=plate.thickness_mm, material=plate.material or "aluminium")
     body = read_mode_file(plate.mode_file).modes.plate
     e_y, g = body.material.youngs_modulus_y, body.material.shear_modulus
     material = CustomMaterial(
