@@ -233,7 +233,7 @@ def _solved(stiffness: Any, mass: Any, highest: float, expected: int) -> tuple[N
     from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
     n, shift = stiffness.shape[0], -((2.0 * math.pi * SHIFT_HZ) ** 2)
-    # Shifted below all eigenvalues it is positive definite: ordered as a symmetric matrix, without pivots, it fills less.
+    # Shifted below all eigenvalues it is positive definite: ordered as symmetric, without pivots, it fills less.
     symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
     factor = splu((stiffness - shift * mass).tocsc(), **symmetric)
     inverse = LinearOperator((n, n), factor.solve, dtype=float)
