@@ -121,6 +121,7 @@ def test_thresholds_of_the_bouncing_ball() -> None:
     assert period_two_threshold(1.0) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_the_example_prints_draws_and_writes_what_it_computes(tmp_path: Path) -> None:
     script, ball = REPOSITORY / "docs/examples/bifurcation.py", REPOSITORY / "scenarios/ball_50hz.toml"
     files = ("--picture", str(tmp_path / "d.svg"), "--data", str(tmp_path / "d.csv"))

@@ -208,6 +208,7 @@ def test_power_is_what_damping_takes(held: ModeFile) -> None:
     np.testing.assert_allclose(response.power, taken, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_measured_gain_goes_before_and_scales_other_actuators(folder: Path, held: ModeFile, tmp_path: Path) -> None:
     j = best_mode(held, 0)
     frequency = held.modes.natural_frequency[j]

@@ -117,6 +117,7 @@ def test_files_that_are_put_in_have_names_of_their_own(tmp_path: Path) -> None:
         put_in(tmp_path, "large.stl", bytes(60_000_001))
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_says_why_and_one_that_is_stopped_keeps_its_folder(tmp_path: Path) -> None:
     runs = Runs()
     failed = runs.start("[plate]\n", tmp_path / "s.toml", tmp_path / "failed")

@@ -283,6 +283,7 @@ def with_actuators(folder: Path, changes: dict[str, Any], *options: object) -> D
     return feeder_sim("modes", "import", hole / "modes.csv", *given, *options)
 
 
+@pytest.mark.slow
 def test_imported_modes_take_actuators_in_the_coordinates_of_their_file(tmp_path: Path) -> None:
     done = with_actuators(tmp_path, {}, "--out", tmp_path / "modes.h5")
     assert done.returncode == 0, done.stderr

@@ -176,6 +176,7 @@ def expected(*arguments: float, factor: int = 2) -> list[float]:
     return [value for x in arguments for value in (factor * x + 1, factor * x + 1 - factor**2 * x)]
 
 
+@pytest.mark.slow
 def test_a_second_process_compiles_nothing(copy: Copy) -> None:
     assert copy.call(3, 0.5) == [expected(3, 0.5), 4]  # two functions, for whole numbers and others
     before = copy.files()
@@ -402,16 +403,13 @@ OF_INDICES: dict[str, Callable[[bytes], bytes]] = {
     "a type of a missing script": lambda _: pickle.dumps(numba.__version__) + b"cno_such_script\nPlace\n.",
     "a type that is gone": lambda _: pickle.dumps(numba.__version__) + b"cpathlib\nPlace\n.",
 }
-FOR_EVERY_DAY = ((".nbc", "half"),)
 CASES = [(suffix, left) for suffix in (".nbc", ".nbi", ".variant") for left in DAMAGE] + [
     (".nbi", left) for left in OF_INDICES
 ]
 
 
-@pytest.mark.parametrize(
-    ("suffix", "left"),
-    [pytest.param(*case, marks=() if case in FOR_EVERY_DAY else pytest.mark.slow) for case in CASES],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("suffix", "left"), CASES)
 def test_damaged_machine_code_is_compiled_again(suffix: str, left: str, copy: Copy) -> None:
     copy.call(3)
     for file in [*copy.cache.rglob(f"*{suffix}")]:

@@ -81,6 +81,7 @@ def test_resonances_of_a_sweep_with_noise(seed: int) -> None:
     assert fit.loss_tangent == pytest.approx(0.003, rel=0.02) and fit.scatter == pytest.approx(0.01, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_sweep_becomes_a_plate_file_in_one_command(tmp_path: Path) -> None:
     plate = tmp_path / "plate.toml"
     plate.write_bytes((PLATE / "plate.toml").read_bytes())

@@ -94,6 +94,7 @@ class _NoMore(Exception):
 
 
 @drawn
+@pytest.mark.slow
 def test_film_that_fails_half_way_leaves_no_file(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     record_run(strip_scenario(duration_s=0.2), tmp_path / "run")
@@ -107,6 +108,7 @@ def test_film_that_fails_half_way_leaves_no_file(tmp_path: Path) -> None:
 
 
 @drawn
+@pytest.mark.slow
 def test_film_on_a_full_disk_is_one_line_and_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
     record_run(strip_scenario(duration_s=0.2), tmp_path / "run")

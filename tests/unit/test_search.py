@@ -79,6 +79,7 @@ def test_a_best_recipe_without_a_value_in_some_fresh_seeds_says_so(
     assert (told["best"]["n"], told["best"]["seeds"], told["gain"]["n"]) == (12, 16, 12)
 
 
+@pytest.mark.slow
 def test_every_sampler_goes_on_after_its_random_trials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Optuna loads the package of CMA-ES when it first asks it for a recipe."""
     words: dict[str, Any] = {"over": (OVER[0], f"{FRICTION}=0.1:0.3"), "trials": RANDOM_TRIALS + 16, "check_seeds": 4}

@@ -238,6 +238,7 @@ def test_a_path_ends_where_a_part_is_taken() -> None:
     assert speeds[0] == pytest.approx(speeds[1], rel=0.05) and speeds[0] > 10.0
 
 
+@pytest.mark.slow
 def test_parts_go_round_a_tray_that_turns_as_it_rises() -> None:
     rises = {"frequency_hz": 50.0, "stroke_um": 100.0, "angle_deg": 90.0}
     turns = {"frequency_hz": 50.0, "turn_mrad": 5.0, "axis": "z"}

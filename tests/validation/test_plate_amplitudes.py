@@ -22,6 +22,7 @@ def variants() -> dict[str, ModeFile]:
     return loaded_variants(load_plate_file(PLATE / "plate.toml"))
 
 
+@pytest.mark.slow
 def test_six_amplitudes_follow_from_the_data_sheet(variants: dict[str, ModeFile]) -> None:
     """Glue unknown: the interval holds all, its middle is within 15 % in the mean."""
     loaded = variants["mass and stiffness"]
@@ -30,6 +31,7 @@ def test_six_amplitudes_follow_from_the_data_sheet(variants: dict[str, ModeFile]
     assert np.abs(ratio - 1.0).mean() < 0.06
 
 
+@pytest.mark.slow
 def test_a_patch_moves_the_bare_plate_as_it_moves_the_one_that_it_stiffens(variants: dict[str, ModeFile]) -> None:
     bare, loaded = (
         np.array([each.ratio for each in predict(variants[name], MEASURED)])
@@ -38,6 +40,7 @@ def test_a_patch_moves_the_bare_plate_as_it_moves_the_one_that_it_stiffens(varia
     assert np.abs(bare / loaded - 1.0).max() < 0.1
 
 
+@pytest.mark.slow
 def test_currents_and_maxima_of_the_resistance() -> None:
     """Measured currents have one or two digits: 0.06 A is 0.055 to 0.065 A."""
     rows = electrical(load_plate_file(PLATE / "plate.toml"), MEASURED)
@@ -49,6 +52,7 @@ def test_currents_and_maxima_of_the_resistance() -> None:
         assert 0.0 < above < row["half_bandwidth_hz"]
 
 
+@pytest.mark.slow
 def test_mass_and_stiffness_of_the_patches_even_out_the_frequencies(variants: dict[str, ModeFile]) -> None:
     """What is left is common to all modes, as an error of Young's modulus is."""
     deviations = {
@@ -59,6 +63,7 @@ def test_mass_and_stiffness_of_the_patches_even_out_the_frequencies(variants: di
     assert deviations["mass and stiffness"].std() < 0.5 * deviations["nothing"].std()
 
 
+@pytest.mark.slow
 def test_patches_split_the_degenerate_pair(variants: dict[str, ModeFile]) -> None:
     pairs = {name: held.modes.natural_frequency[5:7] for name, held in variants.items()}
     assert np.ptp(pairs["nothing"]) < 1e-6 * pairs["nothing"][0]

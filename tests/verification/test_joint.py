@@ -55,7 +55,7 @@ def test_random_heaps_rest_out_of_each_other(seed: int) -> None:
     assert judged_crowds.broken("heap", raw, made, frames) == []
 
 
-@pytest.mark.parametrize("case", [QUICK[0], INCLINED[0]], ids=str)
+@pytest.mark.parametrize("case", [pytest.param(QUICK[0], marks=pytest.mark.slow), INCLINED[0]], ids=str)
 def test_two_blocks_travel_as_points_do(case: Case) -> None:
     speed = speed_in_engine(case, count=2, duration=3.0, seeds=1, tolerance_nm=0.1).speed.mean()
     assert abs(float(speed) / speed_of_point(case) - 1.0) < WITHIN

@@ -348,6 +348,7 @@ def energy(scene: Scene, frames: Frames, velocity: np.ndarray) -> np.ndarray:
     return np.asarray(moving + 0.5 * (inertia * spin**2).sum(axis=(1, 2)))
 
 
+@pytest.mark.slow
 def test_a_crowd_pushed_together_on_a_plate_does_not_enter_itself() -> None:
     """Nuts, rods and balls thrown at the middle of a plate at rest, in a heap of each other."""
     start = Scattered(kind="scattered", size_mm=(50.0, 50.0))

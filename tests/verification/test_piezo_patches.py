@@ -141,6 +141,7 @@ def test_patch_against_finite_elements() -> None:
     assert np.abs(bare[:12] / frequencies - 1.0).max() > 0.01
 
 
+@pytest.mark.slow
 def test_symmetric_layouts_are_solved_by_parity() -> None:
     """A pair of patches, mirror images, keeps one symmetry; a mass of nothing beside it breaks it for the solver."""
     pair = [PATCH, PATCH.mirrored(0)]

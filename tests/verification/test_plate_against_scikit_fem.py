@@ -109,6 +109,7 @@ def test_mindlin_frequencies(plate: RectangularPlate) -> None:
     np.testing.assert_allclose(ritz.natural_frequency[:15], expected, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_mindlin_mode_shapes() -> None:
     basis = mindlin_basis(RECTANGLE)
     _, vectors = elastic_modes(mindlin_stiffness.assemble(basis), mindlin_mass.assemble(basis), count=10)

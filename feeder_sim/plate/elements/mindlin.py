@@ -240,9 +240,7 @@ def _solved(stiffness: Any, mass: Any, highest: float, expected: int) -> tuple[N
     start = np.random.default_rng(0).normal(size=n)  # the same bits every time
     while True:
         requested = min(expected, n - 2)
-        squared, vectors = eigsh(
-            stiffness, k=requested, M=mass, sigma=shift, OPinv=inverse, which="LM", v0=start
-        )
+        squared, vectors = eigsh(stiffness, k=requested, M=mass, sigma=shift, OPinv=inverse, which="LM", v0=start)
         if squared.max() > (2.0 * math.pi * highest) ** 2 or requested == n - 2:
             break
         expected *= 2
