@@ -3,7 +3,7 @@
     python benchmarks/campaign.py --seed 1 --scenarios 10000 --files 1000 --kills 100 --disks 40 --pairs 40
 
 scenarios   random ones, most of them wrong or absurd: each is refused in one line or prepared; one in 40 is run
-files       damaged recordings, checkpoints, scenarios, mode files and meshes: refused in one line, or of no effect
+files       damaged recordings, scenarios, mode files and meshes: refused in one line, or of no effect
 kills       a run is killed or interrupted at random moments and resumed until it has ended: the same bits
 disks       files may only get so large: one line, and after that the run goes on to the same bits
 pairs       two processes in one folder at once: one of them records, the other one is refused
@@ -40,14 +40,6 @@ from feeder_sim.records.trajectory_file import read_recording
 ROOT = Path(__file__).resolve().parent.parent
 RUN_ONE_IN = 40  # scenarios
 LIMIT_S = 60.0  # for a command; most take a second
-# The command line with checkpoints after every block, so that a short run has some.
-COMMAND = """
-import sys
-import feeder_sim.run.seed_run as seed_run
-seed_run.CHECKPOINT_S = 0.0
-from feeder_sim.cli.main import main
-main()
-"""
 # Takes one scenario file after the other from its input, and says what became of each.
 PREPARE = """
 import sys
@@ -143,7 +135,7 @@ class Ended:
     """A command that has come to its end: exit code, and what it said."""
 
     def __init__(self, *arguments: object, file_size: int | None = None, signals: tuple[float, int] | None = None):
-        command = [sys.executable, "-c", COMMAND, *map(str, arguments)]
+        command = [sys.executable, "-m", "feeder_sim", *map(str, arguments)]
         limit = None if file_size is None else lambda: _limit_files(file_size)
         with subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace", preexec_fn=limit
@@ -184,7 +176,7 @@ def _limit_files(size: int) -> None:
 
 def frames_of(run: Path) -> list[bytes]:
     """All numbers that a run has recorded of its parts."""
-    recording = read_recording(run / "trajectory.h5")
+    recording = read_recording(run)
     fields = ("time", "position", "quaternion", "velocity", "angular_velocity", "present")
     return [b"".join(getattr(seed, name).tobytes() for name in fields) for seed in recording.seeds]
 
@@ -294,7 +286,7 @@ def attack_scenarios(campaign: Campaign, work: Path, rng: random.Random, count: 
     for engine in ("impulse", "mujoco"):  # which compiles them
         (work / "warm.toml").write_text(SCENARIO.replace("[run]", f'[run]\nengine = "{engine}"'))
         subprocess.run(
-            [sys.executable, "-c", COMMAND, "run", work / "warm.toml", "--seeds", "1", "--out", work / engine],
+            [sys.executable, "-m", "feeder_sim", "run", work / "warm.toml", "--seeds", "1", "--out", work / engine],
             check=True,
             capture_output=True,
         )
@@ -376,7 +368,7 @@ def attack_files(campaign: Campaign, work: Path, rng: random.Random, count: int)
     whole, killed = work / "whole", work / "killed"
     problem = Ended("run", work / "scenario.toml", "--out", whole).problem((0,))
     after = 0.8
-    while not list(killed.glob("checkpoints/*.npz")):
+    while not list(killed.glob("seeds/*.h5")):
         shutil.rmtree(killed, ignore_errors=True)
         ended = Ended("run", work / "scenario.toml", "--out", killed, signals=(after, signal.SIGKILL))
         assert ended.code != 0, "the run ends before it can be killed: make it longer"
@@ -401,7 +393,7 @@ def attack_file(campaign: Campaign, work: Path, held: tuple[Path, Path, list[byt
     rng, place = random.Random(seed), work / f"damage_{seed}"
     if rng.random() < 0.7:
         shutil.copytree(killed, place)
-        files = [place / "trajectory.h5", *sorted(place.glob("checkpoints/*.npz")), place / "scenario.toml"]
+        files = [*sorted(place.glob("seeds/*.h5")), place / "scene.h5", place / "scenario.toml"]
         files += sorted(place.glob("inputs/*"))
         file = rng.choice([files[0], *files])
         file.write_bytes(damaged(file.read_bytes(), rng))
@@ -435,8 +427,7 @@ def reference_run(work: Path) -> tuple[Path, list[bytes]]:
 
 def finish(run: Path, scenario: Path) -> Ended:
     """Go on with a run that was stopped in any way."""
-    begun = (run / "scenario.toml").exists() or (run / "trajectory.h5").exists()
-    return Ended("resume", run) if begun else Ended("run", scenario, "--out", run)
+    return Ended("resume", run) if (run / "run.json").exists() else Ended("run", scenario, "--out", run)
 
 
 def conclude(campaign: Campaign, run: Path, problem: str, reference: list[bytes], well: str) -> None:
@@ -458,7 +449,7 @@ def attack_by_kills(campaign: Campaign, work: Path, rng: random.Random, count: i
         number = rng.choice([signal.SIGKILL, signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
         ended = Ended("run", scenario, "--out", run, signals=(rng.uniform(0.2, 4.0), number))
         for _ in range(rng.randrange(3)):
-            if (run / "trajectory.h5").exists() and ended.code != 0:
+            if (run / "run.json").exists() and ended.code != 0:
                 ended = Ended("resume", run, signals=(rng.uniform(0.2, 3.0), number))
         if ended.code != 0:
             ended = finish(run, scenario)

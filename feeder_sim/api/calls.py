@@ -33,7 +33,7 @@ def compare(first: str | Path, second: str | Path, *, progress: Progress = None)
     Nothing is run. With the same seeds in both runs they are compared seed by seed, else by Welch's interval.
 
     Args:
-        first: folder of a run, or its trajectory file.
+        first: folder of a run, or a file that `feeder-sim export` made of it.
         second: the other one; differences are second less first.
         progress: True shows a bar on stderr; a function is called with the share of the seeds that are measured.
 
@@ -110,7 +110,7 @@ def record_run(
         workers: as for `simulate`.
         progress: as for `simulate`.
         stop: as for `simulate`.
-        replay: also build the .rrd from the finished trajectory file.
+        replay: also build the .rrd at the end.
         record: what the result keeps in memory; the folder always holds all frames.
         stall_after: as for `simulate`.
         executor: as for `simulate`.

@@ -11,9 +11,10 @@ from typing import Any
 
 from feeder_sim.api.result import Result
 from feeder_sim.errors import InputError, path_of_user
+from feeder_sim.records.files import SCENE
 from feeder_sim.records.recording import PlateRecord, Recording
 from feeder_sim.records.seed import Status
-from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
+from feeder_sim.records.trajectory_file import export_recording, read_recording
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import changed_inputs
 from feeder_sim.run.run_folder import RESOLVED, SUMMARY
@@ -28,15 +29,15 @@ def open(run: str | Path) -> OpenedRun:
     The scene is prepared once it is needed, as for measures, which are computed again from the frames.
 
     Args:
-        run: its folder, or its trajectory file.
+        run: its folder, or a file that `feeder-sim export` made of it.
 
     Raises:
-        InputError: there is no run, as in the folder of a sweep, or its trajectory file cannot be read.
+        InputError: there is no run, as in the folder of a sweep, or a file of it cannot be read.
     """
     path = path_of_user(run, "open")
-    if path.is_dir() and not (path / TRAJECTORY).is_file():
+    if path.is_dir() and not (path / SCENE).is_file():
         _refuse_question(path)
-    return OpenedRun(recording_of(path))
+    return OpenedRun(read_recording(path))
 
 
 def _refuse_question(folder: Path) -> None:
@@ -54,8 +55,8 @@ class OpenedRun(Result):
     `InputError` that says so.
 
     Attributes:
-        recording: the trajectory file.
-        stored_summary: summary.json beside the trajectory file, as it was last written; None without one.
+        recording: what its files hold.
+        stored_summary: summary.json beside them, as it was last written; None without one.
     """
 
     recording: Recording
@@ -116,6 +117,9 @@ class OpenedRun(Result):
     @property
     def part_names(self) -> tuple[str, ...]:
         return tuple(part.name for part in self.recording.parts)
+
+    def to_hdf5(self, path: str | Path) -> None:
+        export_recording(self.recording, path_of_user(path, "path"))
 
     def summary(self) -> dict[str, Any]:
         """As of any result; the stored one if measures cannot be had.

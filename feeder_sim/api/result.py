@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from feeder_sim.api.tables import Table, frame_of
-from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.api.tables import Table, frame_of, saved_frames
+from feeder_sim.errors import FeederSimError, InputError, path_of_user
 from feeder_sim.measures.bounces import Bounces
 from feeder_sim.measures.protocol import SeedReader
 from feeder_sim.notebook import axes_for, block
@@ -81,8 +82,6 @@ class Plots:
         return draw_intervals(axes_for(ax), [seed.flights.interval for seed in readings], findings)
 
     def _frames(self, seeds: Iterable[int] | None) -> list[Frames]:
-        from feeder_sim.api.tables import saved_frames
-
         frames = saved_frames(self._result)
         if seeds is None:
             return frames
@@ -160,6 +159,22 @@ class Result(simulation.Result):
         from feeder_sim.api.tables import dataset_of
 
         return dataset_of(self)
+
+    def to_hdf5(self, path: str | Path) -> None:
+        """Write all that is recorded into one HDF5 file, for other programs; `feeder-sim export` does so with a folder.
+
+        Its layout is in the docs (Run folders). `feeder_sim.open` reads it, too.
+
+        Raises:
+            InputError: not all frames were kept.
+            RecordingFailed: it cannot be written, as when the disk is full.
+        """
+        from feeder_sim.records.trajectory_file import export_recording
+        from feeder_sim.run.run_folder import recording_of
+
+        saved_frames(self)
+        target = path_of_user(path, "path")
+        export_recording(recording_of(self.prepared, self.seeds, target, wall_s=self.wall_s), target)
 
     def _repr_html_(self) -> str:
         try:

@@ -10,7 +10,7 @@ from feeder_sim.errors import FeederSimError
 from feeder_sim.example_files import examples, examples_folder
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_file import read_mode_file
-from feeder_sim.records.trajectory_file import TRAJECTORY
+from feeder_sim.records.files import SCENE
 from feeder_sim.scenario import load_scenario
 from feeder_sim.scenario.run import ENGINES
 from feeder_sim.scenario.shapes import SHAPES
@@ -66,7 +66,7 @@ def _mode_files_in(folder: Path) -> dict[Path, str]:
     """What is in all files of the folders in `models`, and in those of the folder itself and the folders in it."""
     descriptions = {path: _modes(path) for path in sorted(folder.glob("models/*/*.h5"))}
     for path in sorted((*folder.glob("*.h5"), *folder.glob("*/*.h5"))):
-        if path.name != TRAJECTORY and not (text := _modes(path)).startswith(UNUSABLE):  # another kind of file
+        if path.name != SCENE and not (text := _modes(path)).startswith(UNUSABLE):  # another kind of file
             descriptions[path] = text
     return descriptions
 

@@ -13,7 +13,7 @@ from feeder_sim.cli.terminal import progress_bar
 if TYPE_CHECKING:
     from feeder_sim.studies.compare import Comparison, Difference, MeasuredRun
 
-Run = Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)]
+Run = Annotated[Path, typer.Argument(help="Run folder, or a file exported from it.", show_default=False)]
 
 
 def compare(

@@ -19,6 +19,7 @@ from feeder_sim.cli.app import app as app_command
 from feeder_sim.cli.commands import Commands
 from feeder_sim.cli.compare import compare
 from feeder_sim.cli.drift_map import drift_map
+from feeder_sim.cli.export import export
 from feeder_sim.cli.files import AsJson
 from feeder_sim.cli.import_modes import import_modes_command
 from feeder_sim.cli.new import new
@@ -88,7 +89,7 @@ def list_(
 
 
 COMMANDS: tuple[Callable[..., None], ...] = (
-    *(run, resume, check, replay, report, compare, modes, import_modes_command, response, sequence, wave, part),
+    *(run, resume, check, replay, report, compare, export, modes, import_modes_command, response, sequence, wave, part),
     *(drift_map, merge, new, list_, schema, app_command),
 )
 NAMES = {import_modes_command: "modes import", list_: "list"}  # those that are not of their functions

@@ -15,7 +15,7 @@ from feeder_sim.errors import InputError, NotAllowed, quoted
 if TYPE_CHECKING:
     from feeder_sim.replay.colours import Colour
 
-Folder = Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)]
+Folder = Annotated[Path, typer.Argument(help="Run folder, or a file exported from it.", show_default=False)]
 
 
 def replay(
@@ -89,10 +89,10 @@ def _write_page(folder: Path, file: Path, seed: int, meaning: Colour | None) -> 
     """Write the replay as one page, and say how many bytes it has."""
     from feeder_sim.document.player import Player
     from feeder_sim.records.files import write_whole
-    from feeder_sim.records.trajectory_file import read_recording, trajectory_of
+    from feeder_sim.records.trajectory_file import read_recording
     from feeder_sim.replay.page import replay_page
 
-    recording = read_recording(trajectory_of(folder))
+    recording = read_recording(folder)
     player = Player(
         lambda: replay_page(recording, seed, colour=meaning),
         title=f"Replay of {recording.path.parent.name}",

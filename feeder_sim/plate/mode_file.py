@@ -129,7 +129,7 @@ def _actuator(name: str, row: dict[str, Any]) -> Actuator:
     return Actuator(name, layer, row["moment_per_volt"], row["moment_spread"], row["capacitance"], row["loss_tangent"])
 
 
-# The group /outline of a mode file, and of the plate in a trajectory file: points, and the polygon each belongs to.
+# The group /outline of a mode file, and of the plate in a recording: points, and the polygon each belongs to.
 
 SIZE_TOLERANCE = 1e-6  # relative, of the bounding box of an outline and its plate
 

@@ -49,16 +49,18 @@ RUN = "run.json"  # written first: a folder is that of a run if it has one
 INPUTS = "inputs"  # folder in a run folder
 LOCK = ".lock"
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP)  # what network file systems say
-OWN = ("trajectory.h5", "replay*.rrd", "summary.json", "picks.csv", "scenario.toml", "scene.xml", "failure_seed_*.npz")
+SCENE, SEEDS = "scene.h5", "seeds"  # what is recorded of a run: its scene, and a folder with a file for each seed
+OWN = (SCENE, "replay*.rrd", "summary.json", "picks.csv", "scenario.toml", "scene.xml")
 
 
 def check_no_links(folder: Path) -> None:
     """Refuse a run folder that holds links in place of files of the run: they would be read and written elsewhere.
 
     Raises:
-        InputError: a link by the name of a file of the run, or anywhere among its inputs.
+        InputError: a link by the name of a file of the run, or anywhere among its inputs and seeds.
     """
-    for name in (RUN, LOCK, INPUTS, *OWN, *(f"{pattern}.*" for pattern in OWN), f"{INPUTS}/*"):
+    folders = (INPUTS, f"{INPUTS}/*", SEEDS, f"{SEEDS}/*")
+    for name in (RUN, LOCK, *folders, *OWN, *(f"{pattern}.*" for pattern in OWN)):
         for path in sorted(folder.glob(name)):
             if path.is_symlink():
                 raise InputError("is a link, must be a file of the run itself", file=path)

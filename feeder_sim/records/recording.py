@@ -1,4 +1,4 @@
-"""A trajectory file in memory: the plate, the parts and the seeds of a run."""
+"""What is recorded of a run, in memory: the plate, the parts and the seeds of a run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from feeder_sim.plate.outline import Outline
 from feeder_sim.records.seed import Seed, Status, endings
 from feeder_sim.records.trajectory import Frames
 
-# The groups /plate and /drive of a trajectory file; their layout stands there.
+# The groups /plate and /drive of a recording; the layout stands in trajectory_file.py.
 
 DRIVE_FIELDS = {
     "shape": "1",
@@ -87,7 +87,7 @@ def _read_drives(group: Any) -> tuple[ModalDrive, ...]:
     )
 
 
-# The groups /parts/NAME of a trajectory file; their layout stands there.
+# The groups /parts/NAME of a recording; the layout stands in trajectory_file.py.
 
 
 def write_part(file: Any, part: PartRecord) -> None:
@@ -185,7 +185,7 @@ class PartRecord:
 
 @dataclass(frozen=True, repr=False)
 class Recording:
-    """A trajectory file in memory.
+    """What is recorded of a run.
 
     Attributes:
         libraries: their versions, and that of the package.

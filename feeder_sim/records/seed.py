@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import io
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
-from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.errors import Divergence, InputError, SimulationDiverged
+from feeder_sim.errors import SimulationDiverged
 from feeder_sim.notebook import counted
-from feeder_sim.records.files import write_whole
 from feeder_sim.records.trajectory import Frames
 
 # What happens to parts beside their motion: impacts, removals and arrivals, a row each, in order of time.
@@ -127,69 +123,6 @@ class LastStates:
         frames = block[slice(skipped, skipped + LAST_FRAMES)]
         # Copied, since `present` is still written to.
         return LastStates(Frames(*(getattr(frames, field.name).copy() for field in fields(Frames))), valid - skipped)
-
-
-def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates) -> str:
-    """Write the last states of a seed that diverged into a run folder, as NumPy's .npz; returns the file's name.
-
-    Arrays: those of `Frames` [SI units], `valid` (see `LastStates`), `divergence` (its name), `cause`, `part` and
-    `time_s`. A run that is resumed may come here again: a file that holds anything else stays, and this one gets the
-    next free number.
-
-    Raises:
-        RecordingFailed: it cannot be written, as when the disk is full.
-    """
-    arrays: dict[str, Any] = {field.name: getattr(last.frames, field.name) for field in fields(Frames)}
-    arrays |= {"valid": last.valid, "divergence": failure.divergence.name, "cause": failure.cause}
-    arrays |= {"part": failure.part, "time_s": failure.time_s}
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
-    stem = _stem(failure.seed)
-    for name in itertools.chain([f"{stem}.npz"], (f"{stem}_{number}.npz" for number in itertools.count(2))):
-        path = folder / name
-        if path.is_symlink() or (path.exists() and not path.is_file()):
-            continue
-        if path.exists() and path.read_bytes() != buffer.getvalue():
-            continue
-        write_whole(path, buffer.getvalue())
-        return name
-    raise AssertionError("unreachable")
-
-
-def _stem(seed: int) -> str:
-    return f"failure_seed_{seed}"
-
-
-def read_failure(folder: Path, seed: int) -> tuple[SimulationDiverged, LastStates]:
-    """Why a seed of a run folder diverged, and its last states.
-
-    Raises:
-        InputError: its file is not there, or cannot be read.
-    """
-    path = folder / f"{_stem(seed)}.npz"
-    last = read_last_states(path)
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            name, cause, part = (str(archive[key]) for key in ("divergence", "cause", "part"))
-            divergence, time = Divergence[name], float(archive["time_s"])
-    except Exception as error:
-        raise InputError("holds no readable last states", file=path) from error
-    return SimulationDiverged(divergence, time_s=time, part=part, seed=seed, detail=cause, file=path.name), last
-
-
-def read_last_states(path: str | Path) -> LastStates:
-    """Read the last states of a seed that diverged, to look at them.
-
-    Raises:
-        InputError: the file cannot be read.
-    """
-    try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        frames = Frames(**{field.name: arrays[field.name] for field in fields(Frames)})
-        return LastStates(frames, int(arrays["valid"]))
-    except Exception as error:  # of a file that is damaged or of another kind, NumPy raises what it likes
-        raise InputError("holds no readable last states", file=path) from error
 
 
 class Status(IntEnum):

@@ -61,7 +61,7 @@ class Frames:
         return block(repr(self)[1:-1], arrays)
 
     def as_stored(self) -> Frames:
-        """Rounded as a trajectory file rounds it, so that measures do not depend on where frames come from."""
+        """Rounded as the file of a seed rounds it, so that measures do not depend on where frames come from."""
         stored = {name: getattr(self, name).astype(kind) for name, (_, kind, _) in FRAME_FIELDS.items()}
         return Frames(**{name: v if v.dtype == bool else v.astype(float) for name, v in stored.items()})
 

@@ -1,8 +1,9 @@
-"""The HDF5 file that is the record of truth of a run.
+"""The HDF5 files that are the record of truth of a run: its scene, and one for each seed that has ended.
 
-Layout, schema version 4 (SI units, in the `unit` attribute of every dataset):
+Layout, schema version 5 (SI units, in the `unit` attribute of every dataset):
 
-    /                     schema, schema_version, creator, engine, seed, scenario (resolved TOML),
+    scene.h5              written before the first seed:
+    /                     schema, schema_version, creator, engine, seeds (their number), scenario (resolved TOML),
                           libraries (versions), inputs (SHA-256 of mode file and meshes) (JSON)
     /plate                length, width, thickness (attributes)
     /plate/x, y           (nx,), (ny,)        grid of the shapes below
@@ -17,68 +18,229 @@ Layout, schema version 4 (SI units, in the `unit` attribute of every dataset):
     /parts/NAME/centre, principal_axes        (3,), (4,): of mass in the file; attitude of the principal axes in it
     /parts/NAME/poses/height, chance, yaws    of every stable pose, from A on
     /parts/NAME/poses/pose, down, attitude    (k,), (k, 3), (k, 4): directions that point down in a pose; see PoseTable
-    /seeds/NNN/time, position, quaternion, velocity, angular_velocity, present, status
-    /seeds/NNN/unresolved_impacts, late_contacts, budgets_spent  (1,)   see feeder_sim.records.seed
-    /seeds/NNN/wall_time  (2,)                of the seed, and of the ensemble when that was noted
-    /seeds/NNN/removals/time, part, cause   of parts picked or lost; see feeder_sim.records.seed
-    /seeds/NNN/arrivals/time, part, cycle, height   of parts that came with a refill
-    /seeds/NNN/stops      (s,)                when the drives of the stages stopped; the others keep to the schedule
-    /seeds/NNN/impacts/time, until, approach_speed, departure_velocity   of a part in a guide
+
+    seeds/NNN.h5          written when the seed has ended:
+    /                     schema, schema_version, status, wall_time (of the seed, and of the run when it ended [s]),
+                          unresolved_impacts, late_contacts, budgets_spent; see feeder_sim.records.seed
+    /time, position, quaternion, velocity, angular_velocity, present
+    /stops                (s,)                when the drives of the stages stopped; the others keep to the schedule
+    /removals/time, part, cause               of parts picked or lost; see feeder_sim.records.seed
+    /arrivals/time, part, cycle, height       of parts that came with a refill
+    /impacts/time, until, approach_speed, departure_velocity   of a part in a guide
+    /failure              divergence, cause, part, time, valid (attributes), and frames around it as above, in double
+                          precision; of a seed that diverged
+                          Of what is empty there is nothing.
+
+`feeder-sim export` puts all of it into one file for other programs: scene.h5 with what a seed's file holds under
+/seeds/NNN.
 
 Positions are those of centres of mass, quaternions (w first) attitudes of the axes that a part was drawn in; velocities
-are in world axes. The file is written in HDF5's single-writer mode and flushed about twice a second: a killed run
-leaves everything before that readable. Structure and data are under checksums.
+are in world axes. Every file is written beside its place and renamed: it is whole, or it is not there. Structure and
+data are under checksums.
 """
 
 from __future__ import annotations
 
+import functools
+import io
 import json
-import math
-from collections.abc import Iterable
+import re
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.errors import Divergence, FeederSimError, InputError, SimulationDiverged, path_of_user
-from feeder_sim.hdf5 import check_trusted, get_text
-from feeder_sim.records.files import check_no_links
-from feeder_sim.records.recording import Recording, read_part, read_plate
-from feeder_sim.records.seed import ARRIVALS, IMPACTS, REMOVALS, Columns, Counts, Seed, Status, events, read_failure
-from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
-from feeder_sim.records.unclosed_file import read_hdf5
+import numpy as np
+from numpy.typing import NDArray
 
-TRAJECTORY = "trajectory.h5"  # its name in a run folder
-SCHEMA = "feeder_sim/trajectory"
-SCHEMA_VERSION = 4
+from feeder_sim import __version__
+from feeder_sim.errors import Divergence, InputError, SimulationDiverged, path_of_user
+from feeder_sim.hdf5 import check_trusted, get_text, put_text
+from feeder_sim.records.files import SCENE, SEEDS, check_no_links, write_whole
+from feeder_sim.records.recording import Recording, read_part, read_plate, write_part, write_plate
+from feeder_sim.records.seed import ARRIVALS, IMPACTS, REMOVALS, Columns, Counts, LastStates, Seed, Status, events
+from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
+
+SCHEMA, SEED_SCHEMA = "feeder_sim/trajectory", "feeder_sim/seed"
+SCHEMA_VERSION = 5
 EVENTS: dict[str, Columns] = {"impacts": IMPACTS, "removals": REMOVALS, "arrivals": ARRIVALS}
+CHUNK = 2**18  # [bytes] of frames under one checksum, about
+_NAME = re.compile(r"\d{3,}\.h5")
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Read a trajectory file, also one whose writer was killed.
+    """Read what a run folder has recorded, or a file that `export` has made of it.
+
+    Seeds that have not ended have no frames.
 
     Raises:
-        InputError: missing, truncated, not HDF5, not a trajectory, another schema version.
+        InputError: missing, truncated, not HDF5, not a recording, another schema version.
     """
-    path = path_of_user(path, "read_recording")
-    if not path.is_file():
-        raise InputError("no such trajectory file", file=path)
+    file = recorded_file(path_of_user(path, "read_recording"))
+    return _read(file, SCHEMA, lambda root: _recording(file, root))
+
+
+def recorded_file(path: Path) -> Path:
+    """The file of the scene of a run folder, or an exported file itself.
+
+    Raises:
+        InputError: there is none, or it is a link in a folder.
+    """
+    if path.suffix == ".h5" and path.is_file():
+        return path
+    check_no_links(path)
+    if not (path / SCENE).is_file():
+        raise InputError(f"no run here, must be a folder that holds {SCENE}", file=path)
+    return path / SCENE
+
+
+def seed_file(folder: Path, index: int) -> Path:
+    """Where the file of a seed is in a run folder."""
+    return folder / SEEDS / f"{index:03d}.h5"
+
+
+def last_change(path: Path) -> int:
+    """When a run folder got its last seed, or an exported file was written [ns]."""
+    file = recorded_file(path)
+    return max(each.stat().st_mtime_ns for each in (file, file.parent / SEEDS) if each.exists())
+
+
+def write_scene_file(recording: Recording) -> None:
+    """Write the file of the scene of a run; the recording says where, and how many seeds there will be.
+
+    Raises:
+        RecordingFailed: it cannot be written, as when the disk is full.
+    """
+    write_whole(recording.path, _image(lambda file: _write_scene(file, recording)))
+
+
+def write_seed_file(folder: Path, index: int, seed: Seed, wall_s: float) -> Seed:
+    """Write the file of a seed that has ended; wall_s: of the ensemble until now [s].
+
+    Returns:
+        the seed; of one that diverged with the name of the file that has its last states.
+
+    Raises:
+        RecordingFailed: it cannot be written, as when the disk is full.
+    """
+    path = seed_file(folder, index)
+
+    def write(file: Any) -> None:
+        put_text(file.attrs, {"schema": SEED_SCHEMA})
+        file.attrs["schema_version"] = SCHEMA_VERSION
+        _write_seed(file, seed, wall_s)
+
+    write_whole(path, _image(write))
+    return _saved_in(seed, path)
+
+
+def _saved_in(seed: Seed, path: Path) -> Seed:
+    """A seed whose failure, if it has one, says which file has its last states."""
+    if seed.failure is None or seed.last is None:
+        return seed
+    return replace(seed, failure=seed.failure.saved_in(f"{SEEDS}/{path.name}"))
+
+
+def export_recording(recording: Recording, path: Path) -> None:
+    """Write a recording as one file; its layout stands above.
+
+    Raises:
+        RecordingFailed: it cannot be written, as when the disk is full.
+    """
+
+    def write(file: Any) -> None:
+        _write_scene(file, recording)
+        for index, seed in enumerate(recording.records):
+            _write_seed(file.create_group(f"{SEEDS}/{index:03d}"), seed, recording.wall_s)
+
+    write_whole(path, _image(write))
+
+
+def _image(write: Callable[[Any], None]) -> bytes:
+    """The bytes of an HDF5 file. The library never sees the disk: it crashes as it closes what it could not write."""
+    import h5py
+
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w", libver="latest") as file:
+        write(file)
+    return buffer.getvalue()
+
+
+def _write_scene(file: Any, recording: Recording) -> None:
+    texts = {"schema": SCHEMA, "creator": f"feeder_sim {__version__}", "engine": recording.engine}
+    tables = {"libraries": json.dumps(recording.libraries), "inputs": json.dumps(recording.inputs)}
+    put_text(file.attrs, texts | {"scenario": recording.scenario_text} | tables)
+    file.attrs.update(schema_version=SCHEMA_VERSION, seeds=len(recording.records))
+    write_plate(file, recording.plate)
+    written: dict[int, str] = {}
+    for part in recording.parts:  # every mesh once; parts of one kind are links to the same data
+        first = written.setdefault(id(part.vertices), part.name)
+        if first == part.name:
+            write_part(file, part)
+        else:
+            file[f"parts/{part.name}"] = file[f"parts/{first}"]
+
+
+def _write_seed(group: Any, seed: Seed, wall_s: float) -> None:
+    group.attrs.update(status=int(seed.status), wall_time=(seed.wall_s, wall_s), **seed.counts._asdict())
+    for name, (unit, kind, _) in FRAME_FIELDS.items():
+        _put_rows(group, name, getattr(seed.frames, name).astype(kind), unit)
+    if len(seed.stops):
+        _put_rows(group, "stops", seed.stops, "s")
+    for event, columns in EVENTS.items():
+        rows = getattr(seed, event)
+        for name, (unit, _) in columns.items() if len(rows) else ():
+            _put_rows(group, f"{event}/{name}", np.ascontiguousarray(rows[name]), unit)
+    if seed.failure is None:
+        return
+    failure = group.create_group("failure")
+    texts = {"divergence": seed.failure.divergence.name, "cause": seed.failure.detail, "part": seed.failure.part}
+    put_text(failure.attrs, texts)
+    failure.attrs["time"] = seed.failure.time_s
+    if seed.last is not None:
+        failure.attrs["valid"] = seed.last.valid
+        for name, (unit, _, _) in FRAME_FIELDS.items():
+            _put_rows(failure, name, getattr(seed.last.frames, name), unit)
+
+
+def _put_rows(group: Any, name: str, values: NDArray[Any], unit: str) -> None:
+    """Write rows, not packed: of motion that is noise packing saves a sixth."""
+    stored: dict[str, Any] = {}
+    if values.size:
+        rows = max(1, min(len(values), CHUNK * len(values) // values.nbytes))
+        stored = {"chunks": (rows, *values.shape[1:]), "fletcher32": True}
+    put_text(group.create_dataset(name, data=values, **stored).attrs, {"unit": unit})
+
+
+def _read(path: Path, schema: str, read: Callable[[Any], Any]) -> Any:
+    """What `read` makes of an HDF5 file of a schema; errors as for `read_recording`."""
+    import h5py
+
     try:
-        return read_hdf5(path, lambda file: _recording(path, file))
+        with h5py.File(path, "r") as file:
+            check_trusted(file, path)
+            if (stored := get_text(file.attrs, "schema")) != schema:
+                raise InputError(f"is {stored!r}, must be {schema!r}", file=path, key="schema")
+            if (version := file.attrs.get("schema_version")) != SCHEMA_VERSION:
+                message = f"is {version}, must be {SCHEMA_VERSION}: its scenario has to be run again"
+                raise InputError(message, file=path, key="schema_version")
+            return read(file)
     except InputError:
         raise
     except Exception as error:  # of a file that is damaged, h5py raises what it likes
-        raise InputError("not a readable trajectory file (truncated or of another format)", file=path) from error
+        raise InputError("not a readable recording (truncated or of another format)", file=path) from error
 
 
 def _recording(path: Path, file: Any) -> Recording:
-    check_trusted(file, path)
-    schema, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
-    if schema != SCHEMA:
-        raise InputError(f"is {schema!r}, must be a trajectory ({SCHEMA!r})", file=path, key="schema")
-    if version != SCHEMA_VERSION:
-        message = f"is {version}, must be {SCHEMA_VERSION}: its scenario has to be run again"
-        raise InputError(message, file=path, key="schema_version")
-    groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"], key=int)]
+    parts = tuple(read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number))
+    if SEEDS in file:
+        names = sorted(file[SEEDS], key=int)
+        seeds = {int(name): _read_seed(file[f"{SEEDS}/{name}"], int(name)) for name in names}
+    else:
+        seeds = _seeds_in(path.parent, len(parts))
+    n_seeds = int(file.attrs["seeds"])
+    not_started = no_seed(len(parts)), 0.0
+    records = [seeds.get(index, not_started) for index in range(n_seeds)]
     return Recording(
         path=path,
         engine=str(get_text(file.attrs, "engine")),
@@ -86,73 +248,67 @@ def _recording(path: Path, file: Any) -> Recording:
         libraries=dict(json.loads(str(get_text(file.attrs, "libraries")))),
         inputs=dict(json.loads(str(get_text(file.attrs, "inputs")))),
         plate=read_plate(file),
-        parts=tuple(read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number)),
-        records=tuple(_read_seed(group, index, path) for index, group in enumerate(groups)),
-        wall_s=max((float(group["wall_time"][1]) for group in groups), default=0.0),
+        parts=parts,
+        records=tuple(seed for seed, _ in records),
+        wall_s=max((wall_s for _, wall_s in records), default=0.0),
     )
 
 
-def recording_of(run: Path) -> Recording:
-    """Read the trajectory of a run folder, or a trajectory file itself.
-
-    Raises:
-        InputError: there is none, it cannot be read, or it is a link in a folder.
-    """
-    return read_recording(trajectory_of(run))
-
-
-def trajectory_of(run: Path) -> Path:
-    """The trajectory file of a run folder, or itself.
-
-    Raises:
-        InputError: there is none.
-    """
-    if run.suffix == ".h5" and run.is_file():
-        return run
-    check_no_links(run)
-    trajectory = run / TRAJECTORY
-    if not trajectory.is_file():
-        raise InputError(f"no run here, must be a folder that holds {TRAJECTORY}", file=run)
-    return trajectory
+def _seeds_in(folder: Path, n_parts: int) -> dict[int, tuple[Seed, float]]:
+    """The seeds that a run folder has files of, by their index, as `_read_seed` gives them."""
+    seeds = {}
+    for path in sorted((folder / SEEDS).glob("*.h5")):
+        if not _NAME.fullmatch(path.name):
+            continue
+        if not path.is_file():  # a pipe may never end
+            raise InputError("is not a file", file=path)
+        index = int(path.stem)
+        seed, wall_s = _read(path, SEED_SCHEMA, functools.partial(_read_seed, index=index))
+        if seed.frames.present.shape[1] != n_parts:
+            raise InputError(f"has {seed.frames.present.shape[1]} parts, must be {n_parts} as the run", file=path)
+        seeds[index] = _saved_in(seed, path), wall_s
+    return seeds
 
 
-def read_seed(group: Any) -> Seed:
-    """Read one seed; a writer killed between two datasets leaves some longer than others."""
-
-    def columns(names: Iterable[str], under: str = "") -> dict[str, Any]:
-        n = min(group[under + name].shape[0] for name in names)
-        return {name: group[under + name][:n] for name in names}
-
-    frames = {
-        name: values if values.dtype == bool else values.astype(float) for name, values in columns(FRAME_FIELDS).items()
-    }
+def no_seed(n_parts: int) -> Seed:
+    """What there is of a seed that has not begun."""
+    shapes = {name: (0,) if name == "time" else (0, n_parts, *shape) for name, (_, _, shape) in FRAME_FIELDS.items()}
     return Seed(
-        Frames(**frames),
-        **{kind: events(fields, **columns(fields, f"{kind}/")) for kind, fields in EVENTS.items()},
-        stops=group["stops"][()],
-        status=Status(int(group["status"][0])),
-        wall_s=float(group["wall_time"][0]),
-        counts=Counts(*(int(group[name][0]) for name in Counts._fields)),
+        Frames(**{name: np.zeros(shape, bool if name == "present" else float) for name, shape in shapes.items()})
     )
 
 
-def _read_seed(group: Any, index: int, path: Path) -> Seed:
-    """Read one seed; one that diverged with why, from the file of its last states if that is there."""
-    seed = read_seed(group)
+def _read_seed(group: Any, index: int) -> tuple[Seed, float]:
+    """One seed, and the wall time of the ensemble when it ended [s]."""
+    wall_s, of_ensemble = group.attrs["wall_time"].tolist()
+    happened = {
+        kind: events(fields, **_columns(group[kind], fields)) for kind, fields in EVENTS.items() if kind in group
+    }
+    seed = Seed(
+        _frames(group),
+        **happened,
+        stops=group["stops"][()] if "stops" in group else np.empty(0),
+        status=Status(int(group.attrs["status"])),
+        wall_s=wall_s,
+        counts=Counts(*(int(group.attrs[name]) for name in Counts._fields)),
+    )
     if seed.status != Status.DIVERGED:
-        return seed
-    try:
-        failure, last = read_failure(path.parent, index)
-    except FeederSimError:
-        reached = math.nan if seed.reached is None else seed.reached
-        return replace(seed, failure=SimulationDiverged(Divergence.UNKNOWN, time_s=reached, part="a part", seed=index))
-    return replace(seed, failure=failure, last=last)
+        return seed, of_ensemble
+    failure = group["failure"]
+    divergence, part, cause = (str(get_text(failure.attrs, name)) for name in ("divergence", "part", "cause"))
+    why: dict[str, Any] = {"time_s": float(failure.attrs["time"]), "part": part, "seed": index, "detail": cause}
+    last = LastStates(_frames(failure), int(failure.attrs["valid"])) if "valid" in failure.attrs else None
+    return replace(seed, failure=SimulationDiverged(Divergence[divergence], **why), last=last), of_ensemble
+
+
+def _frames(group: Any) -> Frames:
+    values = _columns(group, FRAME_FIELDS)
+    return Frames(**{name: v if v.dtype == bool else v.astype(float) for name, v in values.items()})
+
+
+def _columns(group: Any, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+    return {name: group[name][()] for name in names}
 
 
 def _part_number(name: str) -> int:
     return int(name.rpartition("_")[2])
-
-
-def seed_name(index: int) -> str:
-    """Name of the group of a seed."""
-    return f"seeds/{index:03d}"

@@ -1,4 +1,4 @@
-"""Trajectory file -> .rrd for the rerun viewer: plate, nodal lines, part and path in 3D, plots beside them.
+"""Recording -> .rrd for the rerun viewer: plate, nodal lines, part and path in 3D, plots beside them.
 
 The scene is in millimetres. The plate is drawn flat; its colour is the signed displacement amplitude of the surface
 (red and blue swing in opposite phase, white is at rest), so nothing is exaggerated. The instantaneous displacement at
@@ -42,20 +42,20 @@ def remove_replays(folder: Path) -> None:
                 path.unlink()
 
 
-def build_replay(trajectory: str | Path, replay: str | Path, *, seed: int = 0, colour: Colour | None = None) -> None:
-    """Build an .rrd from a trajectory file; also works on the file of a run that was killed.
+def build_replay(run: str | Path, replay: str | Path, *, seed: int = 0, colour: Colour | None = None) -> None:
+    """Build an .rrd of a run; also works on one that was killed.
 
     Args:
-        trajectory: HDF5 file of a run.
+        run: its folder, or a file that `feeder-sim export` made of it.
         replay: file to write, replaced when it exists.
         seed: index of the seed shown in 3D; the plots show all of them.
         colour: what the colours of parts stand for; see `default_colour`.
 
     Raises:
-        InputError: the trajectory cannot be read.
+        InputError: what is recorded cannot be read.
         RecordingFailed: the replay cannot be written, as when the disk is full; one that was there stays.
     """
-    recording = read_recording(path_of_user(trajectory, "trajectory"))
+    recording = read_recording(path_of_user(run, "run"))
     replay = path_of_user(replay, "replay")
     # Not by rerun: on a full disk it goes on without a word, or waits for ever.
     write_whole(replay, replay_content(recording, seed, colour=colour))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.errors import FeederSimError, InputError, not_written, printable
 from feeder_sim.records.files import partial_of
-from feeder_sim.records.trajectory_file import read_recording, trajectory_of
+from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera
 from feeder_sim.replay.scenery import SLOW, TIMELINE
@@ -140,11 +140,11 @@ def make_film(
         progress: is told the fraction that is done.
 
     Raises:
-        InputError: there is no such run, or its trajectory cannot be read.
+        InputError: there is no such run, or what is recorded cannot be read.
         FeederSimError: the viewer or ffmpeg failed.
         RecordingFailed: the film cannot be written.
     """
-    recording, times = read_recording(trajectory_of(run)), film.times
+    recording, times = read_recording(run), film.times
     context = camera(recording, seed=seed, size=film.size, timeline=film.timeline, colour=colour)
     with context as viewer, _written(file, film) as write:
         viewer.settle(float(times[0]))

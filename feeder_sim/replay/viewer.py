@@ -11,7 +11,7 @@ from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.records.files import check_no_links, locked, write_whole
-from feeder_sim.records.trajectory_file import read_recording, trajectory_of
+from feeder_sim.records.trajectory_file import last_change, read_recording, recorded_file
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera, viewer_program
 from feeder_sim.replay.replay import build_replay, replay_name, timeline_ends
@@ -24,20 +24,19 @@ FORMATS = {".png": "PNG", ".jpg": "JPEG"}  # of a screenshot
 
 
 def replay_file(run: Path, *, seed: int = 0, colour: Colour | None = None, rebuild: bool = False) -> Path:
-    """The .rrd of a run, built from its trajectory file when it is missing or older than that.
+    """The .rrd of a run, built from what is recorded when it is missing or older than that.
 
-    Where it cannot be kept beside the trajectory, because the run is still under way or nobody may write there, it is
-    built in a temporary folder.
+    Where it cannot be kept in the folder, because the run is still under way or nobody may write there, it is built in
+    a temporary folder.
 
     Raises:
-        InputError: there is no such run, or its trajectory cannot be read.
+        InputError: there is no such run, or what is recorded cannot be read.
         RecordingFailed: the disk is full.
     """
-    trajectory = trajectory_of(run)
-    folder, name = trajectory.parent, replay_name(seed, colour)
+    folder, name = recorded_file(run).parent, replay_name(seed, colour)
     check_no_links(folder)
     replay = folder / name
-    if not rebuild and replay.is_file() and replay.stat().st_mtime_ns >= trajectory.stat().st_mtime_ns:
+    if not rebuild and replay.is_file() and replay.stat().st_mtime_ns >= last_change(run):
         return replay
     with contextlib.ExitStack() as stack:
         try:
@@ -46,7 +45,7 @@ def replay_file(run: Path, *, seed: int = 0, colour: Colour | None = None, rebui
             stack.enter_context(locked(folder))
         except FeederSimError:
             replay = Path(tempfile.mkdtemp(prefix="feeder_sim_")) / name
-        build_replay(trajectory, replay, seed=seed, colour=colour)
+        build_replay(run, replay, seed=seed, colour=colour)
     return replay
 
 
@@ -76,7 +75,7 @@ def replay_ends(run: Path, seed: int, *, slow: bool) -> dict[str, float]:
     Raises:
         InputError: there is no such run or seed, or slow motion is asked for and there is none.
     """
-    ends = timeline_ends(read_recording(trajectory_of(run)), seed)
+    ends = timeline_ends(read_recording(run), seed)
     if slow and SLOW not in ends:
         raise InputError("is not allowed here, the record of one part has none", file=run, key="--slow-motion")
     return ends
@@ -109,11 +108,11 @@ def take_screenshot(
     """Draw the replay of a run at a time [s] of a timeline, without a screen.
 
     Raises:
-        InputError: there is no such run, or its trajectory cannot be read.
+        InputError: there is no such run, or what is recorded cannot be read.
         FeederSimError: the viewer did not start (it finds no graphics driver, not even a software one) or draw.
         RecordingFailed: the picture cannot be written.
     """
-    recording = read_recording(trajectory_of(run))
+    recording = read_recording(run)
     with camera(recording, seed=seed, size=SIZE, timeline=timeline, colour=colour) as viewer:
         viewer.settle(at)
         drawn = viewer.picture(at)

@@ -11,7 +11,7 @@ from feeder_sim.document.words import headed, sentence, worded
 from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.notebook import cell
-from feeder_sim.records.trajectory_file import TRAJECTORY
+from feeder_sim.records.files import SCENE
 from feeder_sim.report.content import Content
 from feeder_sim.report.provenance import foot, repeated
 from feeder_sim.report.run_report import run_document
@@ -103,7 +103,7 @@ def document_of(
     A notebook shows it as it is.
 
     Args:
-        folder: of the run, or of the question; of a run also its trajectory file.
+        folder: of the run, or of the question; of a run also a file that `export` made of it.
         screenshot: also take a picture of the replay, which takes seconds; of a run.
         replay: the page of a run also plays the replay of its first seed, which adds one or two megabytes.
         progress: called with the fraction done.
@@ -120,7 +120,7 @@ def document_of(
             problem = f"is not allowed for the folder of {kind.kind}, which keeps no recordings"
             raise InputError(problem, file=path, argument="screenshot")
         return study_document(path)
-    if not (path / TRAJECTORY).is_file() and not (path.suffix == ".h5" and path.is_file()):
-        allowed = f"a folder that holds {', '.join((TRAJECTORY, *(kind.file for kind in KINDS.values())))}"
+    if not (path / SCENE).is_file() and not (path.suffix == ".h5" and path.is_file()):
+        allowed = f"a folder that holds {', '.join((SCENE, *(kind.file for kind in KINDS.values())))}"
         raise InputError(f"is no run and no question of many runs, must be {allowed}", file=path)
     return run_document(path, with_screenshot=screenshot, with_replay=replay, progress=progress, notify=notify)

@@ -12,7 +12,7 @@ from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.records.files import locked
 from feeder_sim.records.recording import Recording
 from feeder_sim.records.seed import Status
-from feeder_sim.records.trajectory_file import recording_of
+from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import changed_inputs, library_versions
 from feeder_sim.run.run_folder import RESOLVED
@@ -52,12 +52,12 @@ class Recorded:
 
 
 def recorded_run(run: Path) -> Recorded:
-    """Read a run folder, or its trajectory file.
+    """Read a run folder, or a file that `export` made of it.
 
     Raises:
         InputError: no run there, it cannot be read, or a file that its scenario reads is gone.
     """
-    recording = recording_of(run)
+    recording = read_recording(run)
     folder = recording.path.parent
     scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
     prepared = prepare(scenario)

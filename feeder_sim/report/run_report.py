@@ -40,7 +40,7 @@ def run_document(
     """The page of a run.
 
     Args:
-        folder: of the run, or its trajectory file.
+        folder: of the run, or a file that `export` made of it.
         with_screenshot: also take a picture of the replay, which takes seconds.
         with_replay: the page also plays the replay of the first seed, which adds one or two megabytes.
         progress: called with the fraction done.

@@ -91,7 +91,7 @@ class OpenRun(SeedRun):
         """Pick parts by their indices."""
         now = self.current()
         self._engine.remove(parts)
-        self._store(Seed(now[slice(0, 0)], removals=removed(parts, float(now.time[0]), Cause.PICKED)))
+        self._history.append(Seed(now[slice(0, 0)], removals=removed(parts, float(now.time[0]), Cause.PICKED)))
         if len(self.removals) == len(self._full_scene.parts) and self._full_scene.scenario.refill is None:
             self.status = Status.DONE
 
@@ -105,7 +105,7 @@ class OpenRun(SeedRun):
             self._engine.add(parts, poses)
             arrivals = arrived(float(now.time[0]), parts, self._refills, poses)
             self._guard.arrive(arrivals, self.current())
-            self._store(Seed(now[slice(0, 0)], arrivals=arrivals))
+            self._history.append(Seed(now[slice(0, 0)], arrivals=arrivals))
         return parts
 
     def forget(self) -> None:

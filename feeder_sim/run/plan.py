@@ -23,8 +23,6 @@ from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_shapes import RitzShape
 from feeder_sim.plate.sound import loudness
 from feeder_sim.records.recording import DISPLAY_POINTS
-from feeder_sim.replay.plate import POINTS
-from feeder_sim.replay.seed_view import PERIODS, PICTURES
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import recommendations
 from feeder_sim.run.work import available_cores
@@ -60,11 +58,10 @@ def seed_seconds(prepared: Prepared, seeds: int) -> float:
     return (time.perf_counter() - started) * scene.times.duration / (frame * scene.frame_interval)
 
 
-BYTES_PER_FRAME_AND_PART = 68  # of trajectory.h5, compressed
-BYTES_REPLAY = 80  # per frame, part and seed in the .rrd: a part and its shadow
-BYTES_FIXED = 150_000  # empty files, blueprint, meshes
-BYTES_PER_SLOW_POINT = 16  # place and colour of a point of the surface in slow motion, in the .rrd
-BYTES_PER_SURFACE_POINT = 60  # shape, mesh and colours of the plate, in both files
+BYTES_PER_FRAME_AND_PART = 73  # of the file of a seed
+BYTES_PER_SEED = 12_000  # of that file without frames
+BYTES_PER_SURFACE_POINT = 8  # of a shape, before it is compressed
+BYTES_FIXED = 40_000  # meshes and texts
 
 
 @dataclass(frozen=True)
@@ -138,7 +135,7 @@ class Plan:
             takes `robot.pick_s` more.
         steps_per_seed, seeds, frames_per_seed: numbers.
         estimated_wall_s: on this machine, with all cores.
-        estimated_file_size_mb: of the run folder.
+        estimated_file_size_mb: of the run folder, without replays.
         measures: names of what it will measure, such as --maximise and --measure take; those of the whole run first.
         warnings, recommended: lines of feeder_sim.run.prepare.
         estimates_are_upper_bounds: whether the run may end before its full duration.
@@ -269,19 +266,9 @@ def _throw_number(drive: ModalDrive) -> float:
 
 
 def _file_size(scene: Scene) -> int:
-    """Size of the recording and the replay of a run of full length [byte]."""
-    surface = scene.surface
-    frames = scene.n_frames * len(scene.parts) * scene.scenario.run.seeds
+    """Size of the folder of a run of full length [byte], without its replays."""
+    surface, seeds = scene.surface, scene.scenario.run.seeds
     points = min(len(surface.x), DISPLAY_POINTS) * min(len(surface.y), DISPLAY_POINTS)
-    size = frames * (BYTES_PER_FRAME_AND_PART + BYTES_REPLAY)
-    size += points * surface.n_shapes * BYTES_PER_SURFACE_POINT + BYTES_FIXED
-    size += sum(path.stat().st_size for path in set(input_files(scene.scenario).values()))  # their copies
-    return size + _slow_pictures(scene) * min(points, POINTS**2) * BYTES_PER_SLOW_POINT
-
-
-def _slow_pictures(scene: Scene) -> int:
-    """Number of pictures of the surface in slow motion: for every different stage, if the replay shows stages."""
-    if scene.scenario.schedule is None and len(scene.parts) == 1:
-        return 0
-    different = {frozenset(scene.drives[i] for i in stage.excitations) for stage in scene.times.stages}
-    return len(different - {frozenset()}) * PERIODS * PICTURES
+    size = seeds * (scene.n_frames * len(scene.parts) * BYTES_PER_FRAME_AND_PART + BYTES_PER_SEED)
+    copies = sum(path.stat().st_size for path in set(input_files(scene.scenario).values()))
+    return size + points * surface.n_shapes * BYTES_PER_SURFACE_POINT + copies + BYTES_FIXED

@@ -7,25 +7,23 @@ import hashlib
 import itertools
 import json
 import re
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from feeder_sim import __version__
-from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
+from feeder_sim.errors import InputError, cause_of, not_written, shortened
 from feeder_sim.measures.picking import has_picks, picks_csv
-from feeder_sim.records.files import INPUTS, LOCK, RUN, locked, partial_of, write_whole
-from feeder_sim.records.recording import DISPLAY_POINTS, PartRecord, PlateRecord
+from feeder_sim.records.files import INPUTS, LOCK, RUN, SCENE, SEEDS, locked, partial_of, write_whole
+from feeder_sim.records.recording import DISPLAY_POINTS, PartRecord, PlateRecord, Recording
 from feeder_sim.records.seed import Seed, Status
-from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
-from feeder_sim.records.trajectory_writer import TrajectoryWriter
+from feeder_sim.records.trajectory_file import no_seed, read_recording, write_scene_file, write_seed_file
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
-from feeder_sim.run.compilation import announced
 from feeder_sim.run.keep import AllFrames, Retention, check_retention
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import check_inputs, check_libraries, input_hashes, library_versions
-from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.simulation import Result, check_starts, simulate
 from feeder_sim.run.work import Work, silent
 from feeder_sim.scenario import Scenario, input_files, load_scenario, parse_scenario, with_files
@@ -33,8 +31,6 @@ from feeder_sim.scenario.rules import findings_of_level
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
-
-MAKING = "making the file"
 
 # Copies of the files that a scenario reads, in a folder that can then be taken elsewhere.
 
@@ -130,7 +126,7 @@ def record_run(
     Args:
         scenario: what to run.
         folder: made if missing; it must be empty.
-        replay: also build the .rrd from the finished trajectory file.
+        replay: also build the .rrd at the end.
         record: what the result keeps of each seed in memory; the folder always holds all frames.
         work: as for `simulate`.
 
@@ -173,18 +169,22 @@ def _begin_folder(
         scenario = scenario_toml(with_files(prepared.scenario, Path.absolute))
         run = {"format": FORMAT, "creator": f"feeder_sim {__version__}", "scenario": scenario}
         write_whole(folder / RUN, f"{json.dumps(run, indent=2)}\n".encode())
-        return _fill_folder(folder, prepared, ended, replay=replay, record=record, work=work)
+        _write_scene(folder, prepared, work)
+        saved = {index: write_seed_file(folder, index, seed, seed.wall_s) for index, seed in ended.items()}
+        before = sum(seed.wall_s for seed in saved.values())
+        return _run_into(folder, prepared, saved, before, replay=replay, record=record, work=work)
 
 
-def _fill_folder(
-    folder: Path, prepared: Prepared, ended: Mapping[int, Seed], *, replay: bool, record: Retention, work: Work
-) -> Result:
-    """Write what a run reads, and run; arguments as for `_run_into`."""
+def _write_scene(folder: Path, prepared: Prepared, work: Work) -> None:
+    """Write what a run reads, and what is known of it before its first seed."""
     text = scenario_toml(carry_files(prepared.scenario, folder, work.notify))
     write_whole(folder / RESOLVED, text.encode())
     _write_mjcf(prepared.scene, folder / MJCF, work)
-    wall_s = sum(seed.wall_s for seed in ended.values())
-    return _run_into(folder, prepared, text, ended, wall_s_before=wall_s, replay=replay, record=record, work=work)
+    try:
+        (folder / SEEDS).mkdir(exist_ok=True)
+    except OSError as error:
+        raise not_written(folder / SEEDS, error) from error
+    write_scene_file(recording_of(prepared, (), folder / SCENE, text))
 
 
 @single_threaded
@@ -203,33 +203,20 @@ def resume_run(folder: str | Path, *, replay: bool = True, work: Work | None = N
     if not (folder / RUN).is_file():
         raise InputError(f"no run here, must be a folder that holds {RUN}", file=folder)
     with locked(folder):
-        if not (folder / TRAJECTORY).exists():
+        if not (folder / SCENE).exists():
             prepared = prepare(_started_scenario(folder))
             check_starts(prepared.scene, work)
-            return _fill_folder(folder, prepared, {}, replay=replay, record=AllFrames(), work=work)
-        recording = recording_of(folder)
+            _write_scene(folder, prepared, work)
+            return _run_into(folder, prepared, {}, replay=replay, record=AllFrames(), work=work)
+        recording = read_recording(folder)
         if Status.UNFINISHED not in recording.status and (folder / SUMMARY).exists():
             raise InputError("has ended, there is nothing to resume", file=folder)
         check_libraries(recording.libraries, folder)
         scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
         check_inputs(recording.inputs, scenario, folder)
-        # Of a seed that diverged and left no last states, why is not known any more: it does so again.
-        ended = {
-            index: seed
-            for index, seed in enumerate(recording.records)
-            if seed.status != Status.UNFINISHED and (seed.status != Status.DIVERGED or seed.last is not None)
-        }
-        return _run_into(
-            folder,
-            prepare(scenario),
-            recording.scenario_text,
-            ended,
-            recorded=folder / TRAJECTORY,
-            wall_s_before=recording.wall_s,
-            replay=replay,
-            record=AllFrames(),
-            work=work,
-        )
+        ended = {i: seed for i, seed in enumerate(recording.records) if seed.status != Status.UNFINISHED}
+        prepared, before = prepare(scenario), recording.wall_s
+        return _run_into(folder, prepared, ended, before, replay=replay, record=AllFrames(), work=work)
 
 
 def _started_scenario(folder: Path) -> Scenario:
@@ -254,59 +241,34 @@ def _started_scenario(folder: Path) -> Scenario:
 def _run_into(
     folder: Path,
     prepared: Prepared,
-    text: str,
     ended: Mapping[int, Seed],
+    wall_s_before: float = 0.0,
     *,
-    recorded: Path | None = None,
-    wall_s_before: float,
     replay: bool,
     record: Retention,
     work: Work,
 ) -> Result:
-    """Simulate a scene into a folder; recorded: the trajectory file of the seeds that have ended, where there is one.
-
-    Other arguments as for `record_run` and `simulate`.
-    """
-    scenario, scene, new = prepared.scenario, prepared.scene, folder / f"{TRAJECTORY}.new"
-    new.unlink(missing_ok=True)
-    with announced(f"{MAKING} for {scenario.run.seeds} seeds", work.notify):
-        writer = TrajectoryWriter(
-            new,
-            engine=prepared.engine.name,
-            seed=scenario.run.seed,
-            n_seeds=scenario.run.seeds,
-            scenario_text=text,
-            libraries=library_versions(),
-            inputs=input_hashes(scenario),
-            plate=plate_record(prepared),
-            parts=[
-                PartRecord(part.name, part.vertices, part.faces, part.centre, part.principal_axes, scene.poses[kind])
-                for part, kind in zip(scene.parts, scene.kind_of, strict=True)
-            ],
-            copied=(recorded, list(ended)) if recorded else None,
-        )
-    recorder = Recorder(folder, writer, wall_s_before=wall_s_before)
-    try:
-        for index, seed in ended.items() if recorded is None else ():
-            recorder.append_ended(index, seed)
-        writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
-        remove_replays(folder)  # built from the file that was here before
-        for warning in prepared.warnings:
-            work.notify(f"warning: {warning}")
-        result = simulate(
-            prepared, record=record, work=work, recorder=recorder, ended=ended, wall_s_before=wall_s_before
-        )
-    except BaseException:
-        with contextlib.suppress(RecordingFailed):  # the first failure is the one to hear of
-            writer.close()
-        raise
-    writer.close()
+    """Simulate a scene into a folder; ended: seeds that have files there. Other arguments as for `simulate`."""
+    for left in (folder / SEEDS).glob(partial_of(Path("*")).name):  # by a kill
+        left.unlink(missing_ok=True)
+    remove_replays(folder)
+    for warning in prepared.warnings:
+        work.notify(f"warning: {warning}")
+    began = time.perf_counter() - wall_s_before
+    result = simulate(
+        prepared,
+        record=record,
+        work=work,
+        save=lambda index, seed: write_seed_file(folder, index, seed, time.perf_counter() - began),
+        ended=ended,
+        wall_s_before=wall_s_before,
+    )
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}
     write_whole(folder / SUMMARY, f"{json.dumps(summary, indent=2)}\n".encode())
     if not result.interrupted and has_picks(prepared.scene):
         write_whole(folder / PICKS, picks_csv(prepared.scene, result.seeds).encode())
     if replay and not result.interrupted and result.seeds[0].reached is not None:
-        build_replay(folder / TRAJECTORY, folder / REPLAY)
+        build_replay(folder, folder / REPLAY)
     return result
 
 
@@ -322,7 +284,7 @@ def check_free(folder: Path) -> None:
     names = (
         {path.name for path in folder.iterdir()} - {LOCK, partial_of(folder / RUN).name} if folder.exists() else set()
     )
-    if names & {RUN, TRAJECTORY}:
+    if names & {RUN, SCENE}:
         raise InputError("already holds a run, must be a new or an empty folder", file=folder, argument="folder")
     if names:
         name = shortened(min(names), 40)
@@ -370,8 +332,39 @@ def _write_mjcf(scene: Scene, path: Path, work: Work) -> None:
         work.notify(f"{path.name} is left out: {why}")
 
 
+def recording_of(
+    prepared: Prepared, seeds: Sequence[Seed], path: Path, text: str = "", wall_s: float = 0.0
+) -> Recording:
+    """What is recorded of a run.
+
+    Args:
+        prepared: what is run.
+        seeds: that there are; those that are missing have not begun.
+        path: of the file that it goes into.
+        text: the scenario as TOML. Default: with absolute paths of its files.
+        wall_s: elapsed wall time of the ensemble [s].
+    """
+    scene, scenario = prepared.scene, prepared.scenario
+    parts = (
+        PartRecord(part.name, part.vertices, part.faces, part.centre, part.principal_axes, scene.poses[kind])
+        for part, kind in zip(scene.parts, scene.kind_of, strict=True)
+    )
+    missing = [no_seed(len(scene.parts))] * (scenario.run.seeds - len(seeds))
+    return Recording(
+        path=path,
+        engine=prepared.engine.name,
+        scenario_text=text or scenario_toml(with_files(scenario, Path.absolute)),
+        libraries=library_versions(),
+        inputs=input_hashes(scenario),
+        plate=plate_record(prepared),
+        parts=tuple(parts),
+        records=(*seeds, *missing),
+        wall_s=wall_s,
+    )
+
+
 def plate_record(prepared: Prepared) -> PlateRecord:
-    """What the trajectory file keeps of the plate, thinned for display."""
+    """What a recording keeps of the plate, thinned for display."""
     surface, cell = prepared.scene.surface, prepared.cell
     x = np.linspace(surface.x[0], surface.x[-1], min(len(surface.x), DISPLAY_POINTS))
     y = np.linspace(surface.y[0], surface.y[-1], min(len(surface.y), DISPLAY_POINTS))

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,6 @@ from feeder_sim.records.seed import (
 )
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.guard import Guard
-from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.watchdog import STALL_AFTER_S, Watchdog
 from feeder_sim.scenario import Pick
 from feeder_sim.scene.cell import PASSAGE_TO
@@ -44,21 +44,19 @@ from feeder_sim.scene.start import Pose, generator
 class History:
     """Blocks of one seed in order of time.
 
-    A recorder writes all blocks to disk. Then only the latest ones have to stay in memory.
-
     Args:
-        look_back: longest time before the last frame [s] for which `recent` is called.
-        retains_all: keep all blocks in memory, which `to_seed` needs.
+        history_s: longest time before the last frame [s] for which `recent` is called.
 
     Attributes:
-        look_back, retains_all: as above; they may be changed.
+        history_s: as above; it may be changed.
+        retains_all: whether all blocks stay in memory, which `to_seed` needs; it may be changed.
         n_frames: number of frames so far, those included that are no longer in memory.
         removals: all removals so far.
         stops: times at which the drives of the first stages have stopped [s], shape (n,).
     """
 
-    def __init__(self, history_s: float, *, retains_all: bool) -> None:
-        self.history_s, self.retains_all = history_s, retains_all
+    def __init__(self, history_s: float) -> None:
+        self.history_s, self.retains_all = history_s, True
         self._blocks: list[Seed] = []
         self.n_frames = 0
         self.removals = no_events(REMOVALS)
@@ -117,7 +115,6 @@ class SeedRun:
     Args:
         prepared: what is run.
         index: number of the seed.
-        recorder: takes the blocks; without one they stay in memory.
         threads: that one seed may use.
         interrupt: as for `Engine`, of this seed alone.
         stall_after: wall time [s] after which a seed that has not advanced by a frame ends as failed.
@@ -128,12 +125,11 @@ class SeedRun:
         prepared: Prepared,
         index: int,
         *,
-        recorder: Recorder | None = None,
         threads: int = 1,
         interrupt: NDArray[np.int64] | None = None,
         stall_after: float = STALL_AFTER_S,
     ) -> None:
-        self._prepared, self._index, self._recorder, self._threads = prepared, index, recorder, threads
+        self._prepared, self._index, self._threads = prepared, index, threads
         self._interrupt = new_interrupt() if interrupt is None else interrupt
         self._watchdog = Watchdog(self._interrupt, stall_after)
         self._full_scene: Scene = prepared.scene  # with the times at which stages have ended so far
@@ -141,7 +137,7 @@ class SeedRun:
         self._scene: Scene = self._started_scene()  # without the stages that nothing is known of yet
         waits = [stage.until.for_s for stage in self._full_scene.times.stages if stage.until]
         self._lines: StageLines | None = stage_lines(self._full_scene) if waits else None
-        self._history = History(max(waits, default=0.0), retains_all=recorder is None)
+        self._history = History(max(waits, default=0.0))
         self._last: LastStates | None = None
         self._piece = FIRST_PIECE
 
@@ -172,18 +168,12 @@ class SeedRun:
         self._engine: Engine = start(self._scene, rng, threads=self._threads, interrupt=self._interrupt)
         self._first = self._engine.current()
         self._guard = Guard(self._prepared, self._first)
-        self._store(Seed(self._first.as_stored()))
+        self._history.append(Seed(self._first.as_stored()))
 
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> Seed:
-        """Record how it ended; returns everything."""
-        if self._recorder and failure and self._last:
-            failure = failure.saved_in(self._recorder.save_last(failure, self._last))
-        recorded = self._recorder.recorded(self._index) if self._recorder else self._history.to_seed()
-        counts = self._engine.counts
-        seed = replace(recorded, status=status, wall_s=wall_s, failure=failure, last=self._last, counts=counts)
-        if self._recorder:
-            self._recorder.finish(self._index, seed)
-        return seed
+        """Everything, with how it ended."""
+        ending: dict[str, Any] = {"status": status, "wall_s": wall_s, "failure": failure, "last": self._last}
+        return replace(self._history.to_seed(), counts=self._engine.counts, **ending)
 
     def _advance(self, fractions: NDArray[np.float64], stop: threading.Event) -> Seed | None:
         """One block, step by step; None if it was stopped, and then there is no other."""
@@ -332,14 +322,9 @@ class SeedRun:
         self._guard.arrive(block.arrivals, self._engine.current())
         frames = block.frames.as_stored()
         stops = self._stops_of_settled(frames) if block.status == Status.UNFINISHED else np.empty(0)
-        self._store(replace(block, frames=frames, impacts=impacts, stops=stops))
+        self._history.append(replace(block, frames=frames, impacts=impacts, stops=stops))
         self._follow_stops(stops)
         return block
-
-    def _store(self, block: Seed) -> None:
-        self._history.append(block)
-        if self._recorder and len(block.frames):
-            self._recorder.append(self._index, block)
 
     def _stops_of_settled(self, frames: Frames) -> NDArray[np.float64]:
         """If the stage under way is over because all parts have settled: when it and those before it stopped."""

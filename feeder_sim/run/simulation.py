@@ -6,7 +6,7 @@ import contextlib
 import math
 import queue
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,7 +26,6 @@ from feeder_sim.run.keep import AllFrames, Keeper, Retention
 from feeder_sim.run.one_seed import run_seed_elsewhere
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import identity_of
-from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
@@ -152,7 +151,7 @@ def simulate(
     *,
     record: Retention = AllFrames(),  # noqa: B008, it cannot be changed
     work: Work | None = None,
-    recorder: Recorder | None = None,
+    save: Callable[[int, Seed], Seed] | None = None,
     ended: Mapping[int, Seed] | None = None,
     wall_s_before: float = 0.0,
 ) -> Result:
@@ -163,7 +162,7 @@ def simulate(
         record: what to keep of each seed in memory.
         work: by default threads, one for each core: the engines' inner loops run outside Python. Of an executor each
             seed comes back whole.
-        recorder: takes every block as it is computed.
+        save: takes every seed, by its index, as it ends, in the thread that ran it; returns what stands for it.
         ended: seeds, by their index, that are not run: what there is of them stands.
         wall_s_before: wall time [s] that the ensemble has taken before.
 
@@ -205,18 +204,13 @@ def simulate(
             return keeper(seed)
         if index > 0 and stop.is_set():
             return None  # of a seed that has not begun there is nothing; the first stands for the others
-        if executor and (seed := of_executor(index)):
-            fractions[index] = 1.0
-            return keeper(recorder.append_ended(index, seed) if recorder else seed)
-        run_of = SeedRun(
-            prepared,
-            index,
-            recorder=recorder,
-            threads=threads,
-            interrupt=interrupts[index],
-            stall_after=work.stall_after,
-        )
-        return keeper(run_of.run(random[index], fractions, stop))
+        if not executor or (seed := of_executor(index)) is None:
+            seed_run = SeedRun(
+                prepared, index, threads=threads, interrupt=interrupts[index], stall_after=work.stall_after
+            )
+            seed = seed_run.run(random[index], fractions, stop)
+        fractions[index] = 1.0
+        return keeper(save(index, seed) if save else seed)
 
     def end_all() -> None:
         for interrupt in interrupts:

@@ -181,7 +181,7 @@ class RigidPlate(Table):
     A `rim` is a wall around it that no part gets over and that stands still.
     """
 
-    kind: Literal["tray", "piston", "still"]
+    kind: Literal["piston", "still", "tray"]
     thickness_mm: LengthMm = 3.0
     length_mm: LengthMm = 180.0
     width_mm: LengthMm = 180.0

@@ -23,7 +23,7 @@ from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.notebook import counted
 from feeder_sim.records.recording import Recording
 from feeder_sim.records.seed import Status
-from feeder_sim.records.trajectory_file import recording_of
+from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import check_inputs
 from feeder_sim.scenario import Scenario, parse_scenario
@@ -67,12 +67,12 @@ class MeasuredRun:
 
 
 def measured_run(path: Path, progress: Callable[[float], None] | None = None) -> MeasuredRun:
-    """Read a run folder or a trajectory file, and measure every seed.
+    """Read a run folder, or a file that `export` made of it, and measure every seed.
 
     Raises:
         InputError: it cannot be read, or a file that its scenario reads is missing or no longer the same.
     """
-    recording = recording_of(path)
+    recording = read_recording(path)
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
     check_inputs(recording.inputs, scenario, path)
     try:

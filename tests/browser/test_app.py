@@ -140,7 +140,7 @@ def test_from_a_drawn_plate_to_a_replay_and_the_same_bits(server: tuple[str, Pat
     done = feeder_sim("run", folder / "again.toml", "--out", folder / "again")
     assert done.returncode == 0, done.stderr
     (run,) = (folder / "runs").iterdir()
-    with h5py.File(run / "trajectory.h5") as one, h5py.File(folder / "again/trajectory.h5") as other:
+    with h5py.File(run / "seeds/000.h5") as one, h5py.File(folder / "again/seeds/000.h5") as other:
         names: list[str] = []
         one.visititems(lambda name, held: names.append(name) if isinstance(held, h5py.Dataset) else None)
         numbers = [name for name in names if one[name].dtype.kind in "fi" and not name.endswith("wall_time")]

@@ -41,7 +41,7 @@ def test_a_stored_run_is_opened_and_compared(tmp_path: Path) -> None:
 @pytest.mark.parametrize("version", [1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1])
 def test_a_recording_of_another_version_says_what_to_do(version: int, tmp_path: Path) -> None:
     shutil.copytree(GOLDEN / "run", tmp_path / "run")
-    with h5py.File(tmp_path / "run/trajectory.h5", "r+", libver="latest") as file:
+    with h5py.File(tmp_path / "run/scene.h5", "r+", libver="latest") as file:
         file.attrs["schema_version"] = version
     said = (f"schema_version: is {version}, must be {SCHEMA_VERSION}", "its scenario has to be run again")
     check_refused(feeder_sim("report", tmp_path / "run"), *said)

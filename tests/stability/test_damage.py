@@ -9,6 +9,7 @@ import random
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,30 +18,27 @@ import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim, in_new_process, limited
 from conftest import REPOSITORY, StopsAfter, ball_on_slide
-from failing import exploding
 
 import feeder_sim.cli.main as command_line
 from feeder_sim.errors import InputError, RecordingFailed
 from feeder_sim.part.stable_poses import PoseTable
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
-from feeder_sim.records.files import LOCK, RUN
-from feeder_sim.records.recording import PartRecord, PlateRecord
+from feeder_sim.records.files import LOCK, RUN, SCENE, SEEDS
+from feeder_sim.records.recording import PartRecord, PlateRecord, Recording
 from feeder_sim.records.seed import Seed, Status, impacts_of
 from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
-from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
-from feeder_sim.records.trajectory_writer import TrajectoryWriter
-from feeder_sim.records.unclosed_file import closed_head, lookup3
+from feeder_sim.records.trajectory_file import export_recording, no_seed, read_recording, write_seed_file
 from feeder_sim.replay.replay import REPLAY, build_replay, timeline_ends
 from feeder_sim.replay.viewer import displayed_time, replay_file
-from feeder_sim.run import provenance
+from feeder_sim.run import provenance, run_folder
 from feeder_sim.run.provenance import library_versions
 from feeder_sim.run.run_folder import SUMMARY, record_run, resume_run, scenario_toml
 from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 
 BLOCK = 130  # frames
-# Reads every trajectory in a folder; a reader that waits is seen by the test's time limit.
+# Reads every recording in a folder; a reader that waits is seen by the test's time limit.
 READ_ALL = """
 import json, sys
 from pathlib import Path
@@ -65,103 +63,70 @@ def block(number: int, n_parts: int = 1) -> Seed:
     return Seed(frames, impacts_of(rng.random((7, 4))))
 
 
-def sizes(seed: Seed) -> tuple[int, ...]:
-    return tuple(map(len, (seed.frames, seed.impacts, seed.removals, seed.stops, seed.arrivals)))
-
-
-def writer(path: Path, scenario: Scenario) -> TrajectoryWriter:
-    """Of a file as a run of the scenario writes it."""
+def write_run(path: Path, scenario: Scenario, *seeds: Seed) -> None:
+    """A file as one that was exported from a run of the scenario."""
     grid = np.linspace(-0.05, 0.05, 30)
     drives = [ModalDrive(0, d.frequency_hz, d.frequency_hz, 1e-6, 0.0, None) for _, d in scenario.excitations]
-    return TrajectoryWriter(
-        path,
-        engine="impulse",
-        seed=0,
-        n_seeds=2,
-        scenario_text=scenario_toml(scenario),
-        libraries={},
-        inputs={},
-        plate=PlateRecord(0.1, 0.1, 3e-3, grid, grid, np.ones((1, 30, 30)), (), np.full(2, np.nan), tuple(drives)),
-        parts=[
-            PartRecord(f"part_{i}", np.eye(3), np.array([[0, 1, 2]]), np.zeros(3), np.eye(4)[0], PoseTable(()))
-            for i in range(scenario.n_parts)
-        ],
-    )
+    parts = [
+        PartRecord(f"part_{i}", np.eye(3), np.array([[0, 1, 2]]), np.zeros(3), np.eye(4)[0], PoseTable(()))
+        for i in range(scenario.n_parts)
+    ]
+    plate = PlateRecord(0.1, 0.1, 3e-3, grid, grid, np.ones((1, 30, 30)), (), np.full(2, np.nan), tuple(drives))
+    text, wall_s = scenario_toml(scenario), 3.0
+    export_recording(Recording(path, "impulse", text, {}, {}, plate, tuple(parts), seeds, wall_s), path)
 
 
 @pytest.fixture(scope="module")
-def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The file of a run that was killed after three blocks, and of the same run when it had ended."""
-    folder = tmp_path_factory.mktemp("killed")
-    file = writer(folder / "closed.h5", ball_on_slide())
-    for number in range(3):
-        for seed in range(2):
-            file.append(seed, block(number))
-    file.finish(1, Seed(block(0).frames, wall_s=2.0), 3.0)
-    (folder / "killed.h5").write_bytes((folder / "closed.h5").read_bytes())
-    file.append(0, block(3))
-    file.finish(0, Seed(block(0).frames, status=Status.DONE), 3.0)
-    file.close()
-    return folder
+def ended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of two seeds."""
+    path = tmp_path_factory.mktemp("ended") / "ended.h5"
+    two = (Seed.joined([block(n) for n in range(blocks)]) for blocks in (4, 3))
+    write_run(path, ball_on_slide(), *(replace(seed, status=Status.DONE, wall_s=2.0) for seed in two))
+    return path
 
 
-def test_killed_run_is_read(killed: Path) -> None:
-    recording = read_recording(killed / "killed.h5")
-    assert [sizes(record) for record in recording.records] == [(3 * BLOCK, 21, 0, 0, 0)] * 2
-    assert recording.status == (Status.UNFINISHED,) * 2
+def test_what_was_written_is_read(ended: Path) -> None:
+    recording = read_recording(ended)
+    assert [len(record.frames) for record in recording.records] == [4 * BLOCK, 3 * BLOCK]
+    assert recording.status == (Status.DONE,) * 2 and [len(r.impacts) for r in recording.records] == [28, 21]
     assert (recording.records[1].wall_s, recording.wall_s) == (2.0, 3.0)
     assert np.array_equal(recording.seeds[0].position[:BLOCK], block(0).frames.position)
-    assert [len(frames) for frames in read_recording(killed / "closed.h5").seeds] == [4 * BLOCK, 3 * BLOCK]
 
 
-def test_head_of_a_killed_run_is_made_that_of_a_closed_file(killed: Path) -> None:
-    assert lookup3(b"Four score and seven years ago") == 0x17770551  # from the author's own test
-    for name, flags in (("closed.h5", 0), ("killed.h5", 5)):
-        head = (killed / name).read_bytes()[:48]
-        assert head[11] == flags and lookup3(head[:44]) == int.from_bytes(head[44:], "little")
-        mended = closed_head(head, 10**6)
-        assert mended[:11] == head[:11] and mended[11] == 0 and mended[36:44] == head[36:44]
-        assert lookup3(mended[:44]) == int.from_bytes(mended[44:], "little")
-
-
-@pytest.mark.parametrize("name", ["killed.h5", "closed.h5"])
-def test_damaged_trajectory_is_read_unchanged_or_refused_and_never_waited_for(
-    name: str, killed: Path, tmp_path: Path
-) -> None:
-    """HDF5's reader beside a living writer waited for damage to mend itself: minutes, then hours."""
-    whole, rng = (killed / name).read_bytes(), random.Random(7)
-    (tmp_path / "a").write_bytes(whole)
+def test_damaged_recording_is_read_unchanged_or_refused_and_never_waited_for(ended: Path, tmp_path: Path) -> None:
+    whole, rng = ended.read_bytes(), random.Random(7)
+    (tmp_path / "a.h5").write_bytes(whole)
     for i in range(200):
         damaged = bytearray(whole)
         damaged[rng.randrange(4096)] ^= 1 << rng.randrange(8)
-        (tmp_path / f"bit_{i:03d}").write_bytes(damaged)
+        (tmp_path / f"bit_{i:03d}.h5").write_bytes(damaged)
     for i in range(20):
-        (tmp_path / f"cut_{i:03d}").write_bytes(whole[: rng.randrange(len(whole))])
+        (tmp_path / f"cut_{i:03d}.h5").write_bytes(whole[: rng.randrange(len(whole))])
     command = [sys.executable, "-c", READ_ALL, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
     good, *others = (json.loads(line) for line in done.stdout.splitlines())
     assert len(others) == 220 and good.startswith("[(")
-    refused = [text for text in others if "not a readable trajectory file" in text]
+    refused = [text for text in others if "not a readable recording" in text]
     assert set(others) - set(refused) <= {good} and len(refused) > 100
 
 
-def test_every_dataset_is_under_a_checksum(killed: Path) -> None:
+def test_every_dataset_is_under_a_checksum(ended: Path) -> None:
     def check(name: str, item: Any) -> None:
         assert not isinstance(item, h5py.Dataset) or item.fletcher32 or (not item.chunks and not item.size), name
 
-    with h5py.File(killed / "closed.h5") as file:
+    with h5py.File(ended) as file:
         file.visititems(check)
 
 
 @pytest.mark.slow
-def test_commands_refuse_a_damaged_trajectory_at_once(killed: Path, tmp_path: Path) -> None:
-    whole = bytearray((killed / "killed.h5").read_bytes())
-    at = whole.index(b"OHDR", 1000)
-    whole[at + 8] ^= 1
-    (tmp_path / TRAJECTORY).write_bytes(whole)
-    (tmp_path / "run.json").write_text("{}")
+def test_commands_refuse_a_damaged_seed_at_once(tmp_path: Path) -> None:
+    record_run(ball_on_slide(), tmp_path / "run", replay=False)
+    path = tmp_path / "run/seeds/000.h5"
+    whole = bytearray(path.read_bytes())
+    whole[whole.index(b"OHDR", 1000) + 8] ^= 1
+    path.write_bytes(whole)
     for command in (["replay"], ["report", "--out", tmp_path / "r.html"], ["resume"]):
-        check_refused(feeder_sim(*command, tmp_path), "not a readable trajectory file")
+        check_refused(feeder_sim(*command, tmp_path / "run"), "000.h5: not a readable recording")
 
 
 @pytest.mark.parametrize("changed", ["feeder_sim", "numpy"])
@@ -179,11 +144,11 @@ def test_run_does_not_go_on_with_another_version(changed: str, tmp_path: Path, m
 def test_cost_of_a_run_that_goes_on_counts_all_stretches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = ball_on_slide(seeds=1, duration_s=60.0)
     with monkeypatch.context() as patch:  # as if the first stretch had taken hours
-        finish = TrajectoryWriter.finish
-        patch.setattr(TrajectoryWriter, "finish", lambda file, n, seed, wall_s: finish(file, n, seed, wall_s + 5000.0))
+        write = write_seed_file
+        patch.setattr(run_folder, "write_seed_file", lambda f, n, seed, wall_s: write(f, n, seed, wall_s + 5000.0))
         first = record_run(scenario, tmp_path, work=Work(stop=StopsAfter(3)), replay=False)
     assert first.interrupted and first.wall_s < 1000.0
-    stored = read_recording(tmp_path / TRAJECTORY).wall_s
+    stored = read_recording(tmp_path).wall_s
     second = resume_run(tmp_path, work=Work(stop=StopsAfter(3)), replay=False)
     assert second.interrupted and second.wall_s > stored > 5000.0
     result = resume_run(tmp_path, replay=False)
@@ -196,7 +161,7 @@ def test_cost_of_a_run_that_goes_on_counts_all_stretches(tmp_path: Path, monkeyp
 @pytest.mark.parametrize(
     ("name", "scenario"),
     [(name, ball_on_slide()) for name in ("scenario.toml", "scene.xml", SUMMARY)]
-    + [("failure_seed_0.npz", exploding())],
+    + [("seeds/000.h5", ball_on_slide()), ("scene.h5", ball_on_slide())],
 )
 def test_full_disk_leaves_no_part_of_a_file(
     name: str, scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -212,7 +177,6 @@ def test_full_disk_leaves_no_part_of_a_file(
     with pytest.raises(RecordingFailed, match=f"{name}: cannot be written, is the disk full"):
         record_run(scenario, tmp_path, replay=False)
     assert not list(tmp_path.glob(f"{name}*"))
-    assert not name.startswith("failure") or len(read_recording(tmp_path / TRAJECTORY).seeds[0]) > 0
 
 
 def test_full_disk_leaves_no_part_of_a_mode_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -238,12 +202,20 @@ def test_full_disk_leaves_no_cut_replay(tmp_path: Path) -> None:
     done = in_new_process("run", scenario, "--replay", "--out", run, largest_file=165_000)  # the replay is longer
     assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
     assert "replay.rrd: cannot be written, is the disk full?" in done.stderr.splitlines()[-1]  # after notes, if any
-    assert sorted(path.name for path in run.iterdir()) == [LOCK, RUN, "scenario.toml", "scene.xml", SUMMARY, TRAJECTORY]
-    build_replay(run / TRAJECTORY, run / REPLAY)
+    assert sorted(path.name for path in run.iterdir()) == [
+        LOCK,
+        RUN,
+        "scenario.toml",
+        SCENE,
+        "scene.xml",
+        SEEDS,
+        SUMMARY,
+    ]
+    build_replay(run, run / REPLAY)
     size = (run / REPLAY).stat().st_size
     for largest in (1000, size // 2, size - 2000):  # from one writing to the next it differs by some hundred bytes
         program = f"from pathlib import Path; from feeder_sim.replay.replay import *; p = Path({str(run)!r})"
-        command = [sys.executable, "-c", f"{program}; build_replay(p / 'trajectory.h5', p / 'replay.rrd')"]
+        command = [sys.executable, "-c", f"{program}; build_replay(p, p / 'replay.rrd')"]
         done = limited(command, largest_file=largest)
         assert done.returncode == 1 and "is the disk full?" in done.stderr.splitlines()[-1], done.stderr
         assert (run / REPLAY).stat().st_size == size and not list(run.glob("*.partial"))
@@ -327,13 +299,13 @@ def test_replays_of_a_run_that_goes_on_are_removed(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.glob("*.rrd")] == ["replay_of_mine.rrd"]
 
 
-def test_replay_older_than_its_trajectory_is_built_again(tmp_path: Path) -> None:
+def test_replay_older_than_a_seed_is_built_again(tmp_path: Path) -> None:
     record_run(ball_on_slide(duration_s=0.5), tmp_path)
-    replay, trajectory = tmp_path / REPLAY, tmp_path / TRAJECTORY
+    replay, seeds = tmp_path / REPLAY, tmp_path / SEEDS
     replay.write_bytes(b"as it was")
     assert replay_file(tmp_path) == replay and replay.read_bytes() == b"as it was"
     later = replay.stat().st_mtime_ns + 10**9
-    os.utime(trajectory, ns=(later, later))
+    os.utime(seeds, ns=(later, later))
     assert replay_file(tmp_path).read_bytes().startswith(b"RRF2")
 
 
@@ -352,21 +324,19 @@ def test_no_time_beyond_the_record_is_shown(tmp_path: Path) -> None:
     changes = {"drive": [], "schedule": {"stage": stages}, "part": [balls], "run.duration_s": None}
     crowd = ball_on_slide().changed(changes)
     for scenario, name in ((crowd, "crowd"), (ball_on_slide(), "ball")):
-        (tmp_path / name).mkdir()
-        file = writer(tmp_path / name / TRAJECTORY, scenario)
-        for number in range(3):
-            file.append(0, block(number, scenario.n_parts))
-        file.append(1, block(0, scenario.n_parts))
-        file.close()
-    ends = timeline_ends(read_recording(tmp_path / "crowd" / TRAJECTORY), 0)
-    build_replay(tmp_path / "crowd" / TRAJECTORY, tmp_path / "crowd.rrd")
+        first = Seed.joined([block(number, scenario.n_parts) for number in range(3)])
+        write_run(tmp_path / f"{name}.h5", scenario, first, block(0, scenario.n_parts), no_seed(scenario.n_parts))
+    ends = timeline_ends(read_recording(tmp_path / "crowd.h5"), 0)
+    build_replay(tmp_path / "crowd.h5", tmp_path / "crowd.rrd")
     assert ends == {name: pytest.approx(max(times_in(tmp_path / "crowd.rrd", name))) for name in ends}
     assert ends["slow_motion"] == pytest.approx(7.9) and ends["sim_time"] == pytest.approx(2.992, abs=1e-3)
     shown = [("crowd", 5.0, False), ("crowd", 9.0, True), ("ball", 0.5, True), ("ball", float("nan"), False)]
     for name, at, slow in shown:
         with pytest.raises(InputError, match="--slow-motion" if (name, slow) == ("ball", True) else "--at: is"):
-            displayed_time(tmp_path / name, at, slow=slow)
-    assert displayed_time(tmp_path / "crowd", 5.0, slow=True) == 5.0
-    assert displayed_time(tmp_path / "crowd", None) == 1.0 and displayed_time(tmp_path / "crowd", None, seed=1) < 1.0
-    refused = feeder_sim("replay", tmp_path / "ball", "--screenshot", tmp_path / "s.png", "--at", 4)
+            displayed_time(tmp_path / f"{name}.h5", at, slow=slow)
+    assert displayed_time(tmp_path / "crowd.h5", 5.0, slow=True) == 5.0
+    assert (
+        displayed_time(tmp_path / "crowd.h5", None) == 1.0 and displayed_time(tmp_path / "crowd.h5", None, seed=1) < 1.0
+    )
+    refused = feeder_sim("replay", tmp_path / "ball.h5", "--screenshot", tmp_path / "s.png", "--at", 4)
     check_refused(refused, "--at: is 4, must be 0 to 2.99", "seed 0 is recorded for 2.99")

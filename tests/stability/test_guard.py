@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.errors import Divergence
-from feeder_sim.records.seed import Status, read_last_states
+from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.guard import ENERGY_FACTOR, Guard
@@ -45,9 +45,9 @@ def test_tunnelling_part_stops_the_run_and_keeps_its_frames(tmp_path: Path) -> N
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     lines = [line for line in said(done) if "warning" not in line]
-    assert len(lines) == 2 and all(f"last states in failure_seed_{i}.npz" in line for i, line in enumerate(lines))
+    assert len(lines) == 2 and all(f"last states in seeds/{i:03d}.h5" in line for i, line in enumerate(lines))
     assert all("part_0 at 2.0" in line and "below the plate" in line for line in lines)
-    recording = read_recording(folder / "trajectory.h5")
+    recording = read_recording(folder)
     assert recording.status == (Status.DIVERGED, Status.DIVERGED)
     for frames in recording.seeds:
         assert frames.time[-1] == pytest.approx(np.sqrt(2 * 20 / 9.81), abs=0.01)
@@ -88,8 +88,13 @@ def test_what_comes_from_nowhere_is_noticed_in_a_run(
     assert failure.divergence == expected and failure.part == "part_0" and 0.3 < failure.time_s < 0.7
     assert np.isfinite(result.trajectories[0].position).all()
     assert result.trajectories[0].time[-1] < failure.time_s
-    kept, last = read_last_states(tmp_path / "failure_seed_0.npz"), result.seeds[0].last
-    assert last is not None and same(kept, last) and np.isfinite(kept.frames.velocity[: kept.valid]).all()
+    kept, last = read_recording(tmp_path).records[0].last, result.seeds[0].last
+    assert (
+        last is not None
+        and kept is not None
+        and same(kept, last)
+        and np.isfinite(kept.frames.velocity[: kept.valid]).all()
+    )
     assert np.isfinite(kept.frames.velocity[kept.valid]).all() == (expected != Divergence.NOT_FINITE)
 
 

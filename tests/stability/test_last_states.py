@@ -6,7 +6,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from command_line import check_refused
 from command_line import feeder_sim as command
@@ -16,8 +15,8 @@ from failing import check_runs_again, exploding, fail_at, same
 import feeder_sim
 from feeder_sim.engines.impulse.free_part.engine import FreePartEngine
 from feeder_sim.engines.protocol import ENDED, WHOLE, engine_class, new_interrupt
-from feeder_sim.errors import Divergence, InputError, SimulationDiverged
-from feeder_sim.records.seed import LAST_FRAMES, LastStates, Seed, Status, read_last_states, save_last_states
+from feeder_sim.errors import Divergence, InputError
+from feeder_sim.records.seed import LAST_FRAMES, LastStates, Seed, Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.run_folder import record_run
@@ -42,28 +41,22 @@ def check_fits(result: Seed) -> LastStates:
 def test_exploding_run_names_the_file_with_its_last_states(tmp_path: Path) -> None:
     scenario = exploding(seeds=2)
     result = record_run(scenario, tmp_path, replay=False)
-    assert read_recording(tmp_path / "trajectory.h5").status == (Status.DIVERGED, Status.DIVERGED)
+    assert read_recording(tmp_path).status == (Status.DIVERGED, Status.DIVERGED)
     opened, kinds = feeder_sim.open(tmp_path), [failure.divergence for failure in result.failures]
     assert [str(failure) for failure in opened.failures] == [str(failure) for failure in result.failures]
     assert [failure.divergence for failure in opened.failures] == kinds
     assert opened.summary()["failures"] == result.summary()["failures"] and "2 diverged" in repr(opened)
-    alone = tmp_path / "alone.h5"
-    alone.write_bytes((tmp_path / "trajectory.h5").read_bytes())
-    (tmp_path / "failure_seed_1.npz").rename(tmp_path / "kept.npz")
-    assert [failure.divergence for failure in feeder_sim.open(alone).failures] == [kinds[0], Divergence.UNKNOWN]
-    (tmp_path / "kept.npz").rename(tmp_path / "failure_seed_1.npz")
     for index, seed in enumerate(result.seeds):
-        name = f"failure_seed_{index}.npz"
+        name = f"seeds/{index:03d}.h5"
         assert seed.failure is not None and seed.failure.divergence == Divergence.TOO_MUCH_ENERGY
         assert str(seed.failure).endswith(f"frames up to that time are kept, last states in {name}")
         last = check_fits(seed)
-        kept = read_last_states(tmp_path / name)
-        assert same(kept, last)
+        kept = opened.seeds[index]
+        assert kept.last is not None and same(kept.last, last)
+        assert kept.failure is not None and (kept.failure.cause, kept.failure.part) == (seed.failure.cause, "part_0")
         check_runs_again(scenario, seed, index)
-        with np.load(tmp_path / name, allow_pickle=False) as held:
-            assert (str(held["cause"]), str(held["part"])) == (seed.failure.cause, "part_0")
-    assert (tmp_path / "summary.json").read_text().count("last states in failure_seed_") == 2
-    assert not list(tmp_path.glob("*.partial"))
+    assert (tmp_path / "summary.json").read_text().count("last states in seeds/") == 2
+    assert not list(tmp_path.glob("seeds/*.partial"))
 
 
 def test_without_a_recorder_the_result_carries_the_last_states() -> None:
@@ -117,32 +110,6 @@ def test_parts_that_are_lost_in_the_last_block_are_kept_as_the_engine_had_them(m
     check_runs_again(scenario, result)
 
 
-def some_states() -> tuple[SimulationDiverged, LastStates]:
-    (seed,) = simulate(exploding()).seeds
-    assert seed.failure is not None and seed.last is not None
-    return seed.failure, seed.last
-
-
-def test_other_last_states_are_never_overwritten(tmp_path: Path) -> None:
-    failure, last = some_states()
-    assert [save_last_states(tmp_path, failure, last) for _ in range(2)] == ["failure_seed_0.npz"] * 2
-    other = LastStates.of(last.frames, max(0, last.valid - 1))
-    assert [save_last_states(tmp_path, failure, other) for _ in range(2)] == ["failure_seed_0_2.npz"] * 2
-    assert save_last_states(tmp_path, failure, last) == "failure_seed_0.npz"
-    assert same(read_last_states(tmp_path / "failure_seed_0.npz"), last)
-    assert same(read_last_states(tmp_path / "failure_seed_0_2.npz"), other)
-
-
-def test_unreadable_last_states_are_refused(tmp_path: Path) -> None:
-    failure, last = some_states()
-    path = tmp_path / save_last_states(tmp_path, failure, last)
-    whole = path.read_bytes()
-    for spoilt in (b"", b"no archive", whole[: len(whole) // 2], None):
-        path.unlink() if spoilt is None else path.write_bytes(spoilt)
-        with pytest.raises(InputError, match="holds no readable last states"):
-            read_last_states(path)
-
-
 PATIENCE = 0.4  # [s]
 STUCK_AT = 20  # frames
 
@@ -180,7 +147,7 @@ def test_a_seed_that_does_not_get_on_ends_as_failed_and_the_others_go_on(second_
     assert [seed.status for seed in feeder_sim.open(tmp_path).seeds] == [seed.status for seed in result.seeds]
     assert second.failure is not None and second.failure.divergence == Divergence.STALLED
     assert len(second.frames) == STUCK_AT + 1 and second.failure.time_s == pytest.approx(second.frames.time[-1])
-    assert second.last is not None and (tmp_path / "failure_seed_1.npz").exists()
+    assert second.last is not None and feeder_sim.open(tmp_path).seeds[1].last is not None
     line = str(second.failure)
     assert line.startswith("seed 1: part_0 at 0.0") and "takes more than 0.4 s; it is at (" in line and "\n" not in line
 

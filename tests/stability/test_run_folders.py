@@ -29,7 +29,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
 from feeder_sim.records.files import LOCK, locked, write_whole
 from feeder_sim.records.seed import Status
-from feeder_sim.records.trajectory_file import read_recording
+from feeder_sim.records.trajectory_file import export_recording, read_recording
 from feeder_sim.replay import viewer
 from feeder_sim.replay.replay import build_replay
 from feeder_sim.run import run_folder
@@ -122,10 +122,10 @@ def test_of_runs_that_begin_at_once_in_one_folder_one_is_recorded(tmp_path: Path
         winner = codes.index(0) + 1
         assert json.loads((out / "summary.json").read_text())["seed"] == winner
         assert f"seed = {winner}\n" in (out / "scenario.toml").read_text()
-        assert read_recording(out / "trajectory.h5").status == (Status.DONE,) * 2
+        assert read_recording(out).status == (Status.DONE,) * 2
 
 
-@pytest.mark.parametrize("killed_in", ["carry_files", "_write_mjcf", "TrajectoryWriter", "simulate"])
+@pytest.mark.parametrize("killed_in", ["carry_files", "_write_mjcf", "write_scene_file", "simulate"])
 def test_a_run_that_was_killed_before_its_first_block_begins_anew(
     killed_in: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -145,7 +145,7 @@ def test_a_run_that_was_killed_before_its_first_block_begins_anew(
     if killed_in != "carry_files":
         mode_file.unlink()
     resume_run(run, replay=False)
-    one, other = (read_recording(folder / "trajectory.h5") for folder in (whole, run))
+    one, other = (read_recording(folder) for folder in (whole, run))
     for a, b in zip(one.seeds, other.seeds, strict=True):
         assert np.array_equal(a.position, b.position)
     assert one.scenario_text == other.scenario_text and one.inputs == other.inputs
@@ -182,7 +182,9 @@ def test_what_a_kill_before_the_first_file_leaves_is_as_good_as_empty(tmp_path: 
     record_run(ball_on_slide(), tmp_path, replay=False)
 
 
-@pytest.mark.parametrize("name", ["trajectory.h5", "run.json", "scenario.toml", "replay.rrd", "inputs/modes.h5", LOCK])
+@pytest.mark.parametrize(
+    "name", ["scene.h5", "seeds/000.h5", "run.json", "scenario.toml", "replay.rrd", "inputs/modes.h5", LOCK]
+)
 @pytest.mark.parametrize("command", ["resume --replay run", "replay run --screenshot a.png"])
 def test_links_in_a_run_folder_are_not_followed(name: str, command: str, tmp_path: Path) -> None:
     cut_short(tmp_path / "run", with_inputs(duration_s=0.05))
@@ -249,6 +251,7 @@ SPOILT: dict[str, Callable[[h5py.File, Path], None]] = {
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recorded") / "run"
     record_run(ball_on_slide(), folder, replay=False)
+    export_recording(read_recording(folder), folder / "trajectory.h5")
     return folder / "trajectory.h5"
 
 
@@ -321,21 +324,14 @@ def test_an_interrupt_in_mid_run_keeps_what_was_computed(tmp_path: Path) -> None
     words = ("run", "separation_100", "--seeds", "2", "--out", str(run))
     with subprocess.Popen([sys.executable, "-m", "feeder_sim", *words], stdout=subprocess.DEVNULL) as process:
         until = time.monotonic() + 120.0
-        while time.monotonic() < until and least_recorded(run) < 200:
+        while time.monotonic() < until and not (run / "scene.h5").exists():
             time.sleep(0.1)
+        time.sleep(5.0)
         process.send_signal(signal.SIGINT)
         assert process.wait(60.0) == 130
-    recording = read_recording(run / "trajectory.h5")
+    recording = read_recording(run)
     assert set(recording.status) == {Status.UNFINISHED} and (run / "summary.json").is_file()
-    assert all(np.isfinite(frames.position).all() for frames in recording.seeds)
-
-
-def least_recorded(run: Path) -> int:
-    """Frames of the seed of a run under way that has the fewest; 0 while there is no file to read."""
-    try:
-        return min(map(len, read_recording(run / "trajectory.h5").seeds))
-    except InputError:
-        return 0
+    assert all(len(frames) > 100 and np.isfinite(frames.position).all() for frames in recording.seeds)
 
 
 def test_a_run_that_ends_writes_no_summary_of_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -345,13 +341,13 @@ def test_a_run_that_ends_writes_no_summary_of_another(tmp_path: Path, monkeypatc
     def free_at_first(folder: Path) -> None:
         looks.append(folder)
         if len(looks) == 2:
-            (folder / "trajectory.h5").write_text("of another process")
+            (folder / "scene.h5").write_text("of another process")
         check_free(folder)
 
     monkeypatch.setattr(run_folder, "check_free", free_at_first)
     with pytest.raises(InputError, match="already holds a run"):
         record_run(ball_on_slide(), tmp_path)
-    assert set(contents(tmp_path)) <= {LOCK, "trajectory.h5"}
+    assert set(contents(tmp_path)) <= {LOCK, "scene.h5"}
 
 
 SCENARIO = {
@@ -374,7 +370,7 @@ def scenario(tmp_path: Path) -> Path:
 
 
 def bits(run: Path) -> list[bytes]:
-    recording = read_recording(run / "trajectory.h5")
+    recording = read_recording(run)
     return [frames.position.tobytes() + frames.quaternion.tobytes() for frames in recording.seeds]
 
 
@@ -395,8 +391,8 @@ def test_a_run_folder_taken_elsewhere_runs_again_and_goes_on_to_the_same_bits(
     assert bits(elsewhere / "cut") == wanted
     record_run(load_scenario(elsewhere / "whole/scenario.toml"), elsewhere / "again", replay=False)
     assert bits(elsewhere / "again") == wanted
-    build_replay(elsewhere / "whole/trajectory.h5", tmp_path / "replay.rrd")
-    texts = {name: read_recording(elsewhere / name / "trajectory.h5").scenario_text for name in ("whole", "again")}
+    build_replay(elsewhere / "whole", tmp_path / "replay.rrd")
+    texts = {name: read_recording(elsewhere / name).scenario_text for name in ("whole", "again")}
     assert texts["whole"] == texts["again"] and str(tmp_path) not in texts["whole"]
 
 

@@ -128,7 +128,7 @@ def test_a_run_that_fails_says_why_and_one_that_is_stopped_keeps_its_folder(tmp_
     while long.poll().done == 0.0 and not long.ended:
         long.process.join(0.1)
     runs.stop_all()
-    assert long.poll().ended == "stopped" and (tmp_path / "long/trajectory.h5").is_file()
+    assert long.poll().ended == "stopped" and (tmp_path / "long/seeds/000.h5").is_file()
 
 
 def test_a_run_whose_process_is_killed_has_ended(tmp_path: Path) -> None:

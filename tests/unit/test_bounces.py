@@ -22,7 +22,7 @@ from feeder_sim.measures.bounces import (
 )
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.seed import IMPACTS, Events, impacts_of, no_events
-from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.run_folder import SUMMARY, record_run
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Ball, Contact, Drive, Scenario, Slide, Start
@@ -177,7 +177,7 @@ def test_recording_gives_the_same_impacts_and_the_summary_their_measures(tmp_pat
     plate = Drive(frequency_hz=558.0, amplitude_um=3.0, damping_ratio=0.02, duration_s=0.6)
     scenario = slide_scenario(plate, drop_mm=(0.01, 0.05), duration_s=0.8, seeds=2, frames_per_second=5000.0)
     result = record_run(scenario, tmp_path / "run", replay=False)
-    recording = read_recording(tmp_path / "run" / TRAJECTORY)
+    recording = read_recording(tmp_path / "run")
     impacts = [record.impacts for record in recording.records]
     assert len(impacts) == 2
     for read, seed in zip(impacts, result.seeds, strict=True):

@@ -44,14 +44,14 @@ def test_run_prints_one_json_object_and_fills_the_folder(scenario: Path, tmp_pat
     assert summary["engine"] == "impulse"
     assert summary["simulated_s"] == pytest.approx(0.2, rel=0.03)
     assert summary["real_time_factor"] == pytest.approx(summary["simulated_s"] / summary["wall_s"])
-    files = {".lock", "run.json", "trajectory.h5", "summary.json", "scenario.toml", "scene.xml"}
+    files = {".lock", "run.json", "scene.h5", "seeds", "summary.json", "scenario.toml", "scene.xml"}
     assert {p.name for p in (tmp_path / "run").iterdir()} == files
 
 
 def test_resolved_scenario_runs_again_to_the_same_bits(scenario: Path, tmp_path: Path) -> None:
     assert feeder_sim("run", scenario, "--seed", 5, "--out", tmp_path / "a").returncode == 0
     assert feeder_sim("run", tmp_path / "a/scenario.toml", "--out", tmp_path / "b").returncode == 0
-    first, second = (package.read_recording(tmp_path / name / "trajectory.h5").seeds[1] for name in "ab")
+    first, second = (package.read_recording(tmp_path / name).seeds[1] for name in "ab")
     assert first.position.tobytes() == second.position.tobytes()
 
 
@@ -103,7 +103,7 @@ def test_estimated_file_size_is_about_right(duration_s: float, scenario: Path, t
     scenario.write_text(toml_of(SHORT, {"run.duration_s": duration_s}))
     plan = json.loads(feeder_sim("check", scenario, "--json").stdout)
     feeder_sim("run", scenario, "--out", tmp_path / "run")
-    size = sum(p.stat().st_size for p in (tmp_path / "run").iterdir()) * 1e-6
+    size = sum(p.stat().st_size for p in (tmp_path / "run").rglob("*") if p.is_file()) * 1e-6
     assert 0.5 < plan["estimated_file_size_mb"] / size < 2.0
 
 

@@ -88,7 +88,7 @@ def test_values_that_do_not_vary_have_an_interval_of_no_width(paired: bool) -> N
 
 
 def test_a_run_does_not_differ_from_its_repetition(runs: Path) -> None:
-    found = compared(runs / "a", runs / "same/trajectory.h5")
+    found = compared(runs / "a", runs / "same/scene.h5")
     assert found["method"] == "paired by seed" and found["measures"]
     assert all((m["difference"], m["low"], m["high"], m["pairs"]) == (0.0, 0.0, 0.0, 3) for m in found["measures"])
     assert found["settings"] == {} == found["versions"] and found["only_first"] == [] == found["only_second"]
@@ -135,7 +135,7 @@ def test_files_are_compared_by_content_and_versions_by_name(tmp_path: Path) -> N
     assert compared(tmp_path / "low", tmp_path / "copy")["settings"] == {}
     ((key, values),) = compared(tmp_path / "low", tmp_path / "high")["settings"].items()
     assert key == "part[0].file" and values[0].startswith("low.stl (") and values[1].startswith("high.stl (")
-    with h5py.File(tmp_path / "copy/trajectory.h5", "r+") as file:
+    with h5py.File(tmp_path / "copy/scene.h5", "r+") as file:
         held = json.loads(file.attrs["libraries"])
         file.attrs["libraries"] = np.bytes_(json.dumps(held | {"numpy": "1.0"}))
     found = compared(tmp_path / "low", tmp_path / "copy")
@@ -147,6 +147,6 @@ def test_files_are_compared_by_content_and_versions_by_name(tmp_path: Path) -> N
 def test_what_is_no_run_is_refused_in_one_line(runs: Path, tmp_path: Path) -> None:
     check_refused(feeder_sim("compare", runs / "a", tmp_path), "no run here, must be a folder that holds")
     shutil.copytree(runs / "a", tmp_path / "cut")
-    content = (runs / "a/trajectory.h5").read_bytes()
-    (tmp_path / "cut/trajectory.h5").write_bytes(content[: len(content) // 4])
-    check_refused(feeder_sim("compare", tmp_path / "cut", runs / "a"), "not a readable trajectory file")
+    content = (runs / "a/seeds/000.h5").read_bytes()
+    (tmp_path / "cut/seeds/000.h5").write_bytes(content[: len(content) // 4])
+    check_refused(feeder_sim("compare", tmp_path / "cut", runs / "a"), "not a readable recording")

@@ -92,7 +92,7 @@ def test_list_begins_with_the_files_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "project/plate.toml").write_text("[plate]")
     (tmp_path / "scenarios/bad.toml").write_text("[plate]")
     (tmp_path / "project/modes.h5").write_bytes((REPOSITORY / "models/strip_160/modes.h5").read_bytes())
-    (tmp_path / "project/trajectory.h5").write_bytes(b"")
+    (tmp_path / "project/scene.h5").write_bytes(b"")
     (tmp_path / "project/data.h5").write_bytes(b"of another program")
     found = json.loads(feeder_sim("list", "--json", cwd=tmp_path).stdout)
     names = ["scenarios/bad.toml", "scenarios/other.toml", "mine.toml", "project/scenario.toml"]

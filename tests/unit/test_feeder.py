@@ -147,7 +147,7 @@ def test_picks_by_hand_and_refills_are_recorded(tmp_path: Path) -> None:
         assert len(feeder.poses()) == 4
         feeder.pick(1)
         time = feeder.time
-    recording = feeder_sim.read_recording(tmp_path / "run" / "trajectory.h5")
+    recording = feeder_sim.read_recording(tmp_path / "run")
     record = recording.records[0]
     assert record.removals.part.tolist() == [0, 3, 1]
     assert record.removals.time[-1] == record.frames.time[-1] == time

@@ -17,7 +17,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.measures.catalogue import names_of_measures, values_of_seed
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.keep import Retention
 from feeder_sim.run.run_folder import PICKS, record_run
 from feeder_sim.run.simulation import simulate
@@ -132,7 +132,7 @@ def same(a: Frames, b: Frames) -> bool:
 def test_file_holds_what_was_simulated(tmp_path: Path) -> None:
     scenario = strip_scenario(seeds=2, duration_s=0.5)
     result = record_run(scenario, tmp_path / "run", replay=False)
-    recording = read_recording(tmp_path / "run" / TRAJECTORY)
+    recording = read_recording(tmp_path / "run")
     assert recording.status == (Status.DONE, Status.DONE)
     for written, computed in zip(recording.seeds, result.trajectories, strict=True):
         assert len(written) == result.scene.n_frames
@@ -140,9 +140,10 @@ def test_file_holds_what_was_simulated(tmp_path: Path) -> None:
         assert np.array_equal(written.position, computed.position)
         assert written.quaternion == pytest.approx(computed.quaternion, abs=1e-7)
         assert written.velocity == pytest.approx(computed.velocity, abs=1e-7)
-    with h5py.File(tmp_path / "run" / TRAJECTORY) as file:
+    with h5py.File(tmp_path / "run/seeds/000.h5") as file:
         for name, unit in (("time", b"s"), ("position", b"m"), ("velocity", b"m/s")):
-            assert file[f"seeds/000/{name}"].attrs["unit"] == unit
+            assert file[name].attrs["unit"] == unit
+    with h5py.File(tmp_path / "run/scene.h5") as file:
         again = parse_scenario(file.attrs["scenario"].decode(), file=Path("resolved.toml"))
     assert again == scenario
 
@@ -174,11 +175,11 @@ def test_full_disk_ends_the_run_with_one_line(tmp_path: Path, repository: Path) 
 
 def test_truncated_and_foreign_files_are_refused(tmp_path: Path) -> None:
     record_run(strip_scenario(), tmp_path / "run", replay=False)
-    whole = (tmp_path / "run" / TRAJECTORY).read_bytes()
-    cut = tmp_path / "cut.h5"
-    cut.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=r"cut\.h5: not a readable trajectory file"):
-        read_recording(cut)
+    for cut in (tmp_path / "run/seeds/000.h5", tmp_path / "run/scene.h5"):
+        whole = cut.read_bytes()
+        cut.write_bytes(whole[: len(whole) // 2])
+        with pytest.raises(InputError, match=rf"{cut.name}: not a readable recording"):
+            read_recording(tmp_path / "run")
     with h5py.File(tmp_path / "foreign.h5", "w") as file:
         file["x"] = 1.0
     with pytest.raises(InputError, match=r"foreign\.h5: schema: is None"):

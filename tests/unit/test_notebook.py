@@ -43,4 +43,4 @@ def test_it_runs(tmp_path: Path) -> None:
     assert sum("image/png" in data for data in shown) == 3
     assert any("Result &#x27;A nut on a standing wave" in "".join(data.get("text/html", "")) for data in shown)
     text = "".join("".join(output.get("text", "")) for output in outputs)
-    assert "drive[0].amplitude_um: is -5.0" in text and "100 %" in text and "trajectory.h5" in text
+    assert "drive[0].amplitude_um: is -5.0" in text and "100 %" in text and "scene.h5" in text

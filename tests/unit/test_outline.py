@@ -183,7 +183,7 @@ def test_damaged_outlines_are_refused(tmp_path: Path) -> None:
 
 
 def test_the_run_folder_and_the_replay_show_the_hole(tmp_path: Path) -> None:
-    from feeder_sim.records.trajectory_file import recording_of
+    from feeder_sim.records.trajectory_file import read_recording
     from feeder_sim.replay.area import area_of, body_mesh
     from feeder_sim.run.run_folder import record_run
 
@@ -191,7 +191,7 @@ def test_the_run_folder_and_the_replay_show_the_hole(tmp_path: Path) -> None:
     file = flat_plate(tmp_path / "p.h5", *HOLES, exterior=RING)
     start = Start(position_mm=(40.0, 0.0))
     record_run(on_plate(file, amplitude_um=2.0, start=start, duration_s=0.05), tmp_path / "run")
-    plate = recording_of(tmp_path / "run").plate
+    plate = read_recording(tmp_path / "run").plate
     assert plate.outline is not None and plate.outline.key == outline.key
     area = area_of(plate.x, plate.y, plate.outline)
     first, second, third = np.moveaxis(area.points[area.triangles], 1, 0)

@@ -7,7 +7,7 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.errors import InputError
-from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.replay.replay import REPLAY, build_replay
 from feeder_sim.run.run_folder import record_run
 
@@ -39,7 +39,7 @@ def test_replay_holds_the_recorded_poses_in_millimetres(tmp_path: Path) -> None:
     from rerun.chunk import RrdReader
 
     record_run(strip_scenario(duration_s=0.1), tmp_path / "run")
-    frames = read_recording(tmp_path / "run" / TRAJECTORY).seeds[0]
+    frames = read_recording(tmp_path / "run").seeds[0]
     for chunk in RrdReader(tmp_path / "run" / REPLAY).stream():
         batch = chunk.to_record_batch()
         if str(chunk.entity_path).strip("/") == "parts/part_0" and "Transform3D:translation" in batch.schema.names:
@@ -51,7 +51,7 @@ def test_replay_holds_the_recorded_poses_in_millimetres(tmp_path: Path) -> None:
 
 def test_replay_can_be_built_again_and_for_another_seed(tmp_path: Path) -> None:
     record_run(piston_scenario(seeds=2), tmp_path / "run", replay=False)
-    build_replay(tmp_path / "run" / TRAJECTORY, tmp_path / "other.rrd", seed=1)
+    build_replay(tmp_path / "run", tmp_path / "other.rrd", seed=1)
     assert "plots/height_mm/shown" in columns(tmp_path / "other.rrd")
     with pytest.raises(InputError, match="must be 0 to 1"):
-        build_replay(tmp_path / "run" / TRAJECTORY, tmp_path / "third.rrd", seed=2)
+        build_replay(tmp_path / "run", tmp_path / "third.rrd", seed=2)

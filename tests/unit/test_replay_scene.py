@@ -14,7 +14,7 @@ from feeder_sim.part.solids import hex_nut
 from feeder_sim.part.stable_poses import PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.records.recording import PlateRecord, Recording
-from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.replay.build import scene_box
 from feeder_sim.replay.colours import colours_of, default_colour, kind_names
 from feeder_sim.replay.labels import bar_length, legend_places, stage_texts
@@ -58,13 +58,13 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         run=Run(seeds=1, frames_per_second=100.0),
     )
     record_run(scenario, folder, replay=False)
-    build_replay(folder / TRAJECTORY, folder / "replay.rrd")
+    build_replay(folder, folder / "replay.rrd")
     return folder
 
 
 @pytest.fixture(scope="module")
 def recording(run: Path) -> Recording:
-    return read_recording(run / TRAJECTORY)
+    return read_recording(run)
 
 
 def logged(replay: Path, entity: str, column: str) -> list[tuple[float | None, Any]]:
@@ -217,7 +217,7 @@ def test_eye_is_as_near_as_it_can_be() -> None:
 
 def test_one_small_part_is_shown_in_its_cell(tmp_path: Path) -> None:
     record_run(strip_scenario(duration_s=0.02), tmp_path / "run", replay=False)
-    recording = read_recording(tmp_path / "run" / TRAJECTORY)
+    recording = read_recording(tmp_path / "run")
     box, half = scene_box(SeedView(recording, 0)), 0.5e3 * recording.plate.length
     assert -half < box.low[0] < -19.5 and 19.5 < box.high[0] < half  # both nodal lines beside the antinode
     assert box.high[1] == pytest.approx(0.5e3 * recording.plate.width)

@@ -46,17 +46,20 @@ def no_window() -> Iterator[None]:
 
 def test_opened_run_is_the_result_it_was(run: Path) -> None:
     computed = feeder_sim.simulate(strip_scenario(seeds=2, duration_s=0.3))
-    for given in (run, str(run), run / "trajectory.h5", str(run / "trajectory.h5")):
+    exported = run.parent / "trajectory.h5"
+    feeder_sim.open(run).to_hdf5(exported)
+    for given in (run, str(run), run / "scene.h5", str(exported)):
         opened = feeder_sim.open(given)
         assert isinstance(opened, feeder_sim.Result) and "prepared" not in vars(opened)  # which may take long
         assert opened.measures() == computed.measures() and opened.lines() == computed.lines()
         assert opened.drift == computed.drift and opened.scenario == computed.scenario
         assert not opened.interrupted and opened.part_names == computed.part_names == ("part_0",)
     stored = json.loads((run / SUMMARY).read_text())
+    opened = feeder_sim.open(run)
     assert opened.summary().keys() == stored.keys() - {"version", "libraries"}
     assert opened.stored_summary == stored
     line = refusal(feeder_sim.open, run.parent)
-    assert line.endswith("no run here, must be a folder that holds trajectory.h5")
+    assert line.endswith("no run here, must be a folder that holds scene.h5")
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from feeder_sim.measures.stage_lines import settled, stage_lines
 from feeder_sim.plate import compiled
 from feeder_sim.plate.drive import ModalDrive, ModalTerms, modal_terms
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.run.simulation import simulate
 from feeder_sim.run.work import Work
@@ -142,7 +142,7 @@ def test_a_resumed_run_ends_its_stages_at_the_same_times(looks: int, count: int,
     begun = record_run(wanted, tmp_path / "broken", work=Work(stop=StopsAfter(looks)), replay=False)
     assert begun.interrupted
     resume_run(tmp_path / "broken")
-    whole, resumed = (read_recording(tmp_path / name / TRAJECTORY).records[0] for name in ("whole", "broken"))
+    whole, resumed = (read_recording(tmp_path / name).records[0] for name in ("whole", "broken"))
     assert len(whole.stops) == 2
     assert np.array_equal(whole.stops, resumed.stops)
     assert all(np.array_equal(values, getattr(resumed.frames, name)) for name, values in vars(whole.frames).items())

@@ -27,8 +27,11 @@ CALLS: dict[str, tuple[Callable[..., Any], str]] = {
     "changed": (lambda: DRIFT.changed([1]), r"changed: is \[1\], must be a dictionary"),  # type: ignore[arg-type]
     "open": (lambda: feeder_sim.open(3), "open: is 3, must be a path"),  # type: ignore[arg-type]
     "load_scenario": (lambda: feeder_sim.load_scenario(3), "load_scenario: is 3, must be a path"),  # type: ignore[arg-type]
-    "read_recording": (lambda: feeder_sim.read_recording("no.h5"), "no.h5: no such trajectory file"),
-    "build_replay": (lambda: feeder_sim.build_replay(3, "x"), "trajectory: is 3, must be a path"),  # type: ignore[arg-type]
+    "read_recording": (
+        lambda: feeder_sim.read_recording("no.h5"),
+        "no.h5: no run here, must be a folder that holds scene.h5",
+    ),
+    "build_replay": (lambda: feeder_sim.build_replay(3, "x"), "run: is 3, must be a path"),  # type: ignore[arg-type]
     "Feeder": (lambda: feeder_sim.Feeder("x"), "scenario: is 'x', must be a Scenario"),  # type: ignore[arg-type]
     "stages": (lambda: feeder_sim.Feeder(feeder_scenario(), stages=3), "stages: is 3, must be a list"),  # type: ignore[arg-type]
     "a stage": (lambda: feeder_sim.Feeder(feeder_scenario(), stages=[3]), "stage: is 3, must be a Stage"),  # type: ignore[list-item]
