@@ -36,7 +36,7 @@ def follow(scene: Scene, places: Floats, attitudes: Rotation, time: Floats) -> t
     turned = Rotation.from_quat(scene.principal_attitudes(quaternions[:, None])[:, 0], scalar_first=True).as_matrix()
     parts = new_parts(places, turned, np.zeros(len(places), np.int64))
     work = new_scratch(kinds, scene.surface.n_shapes)
-    surface = surface_arrays(scene.surface, scene.scenario.run)
+    surface = surface_arrays(scene)
     drive = Drive(surface, scene.surface.extremes, exactness_of(scene), scene.timestep, WINDOW_ALONE)
     rows = np.empty((len(places), len(time), 1, ROW))
     for k in range(len(places)):

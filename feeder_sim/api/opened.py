@@ -14,11 +14,10 @@ from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.records.files import SCENE
 from feeder_sim.records.recording import PlateRecord, Recording
 from feeder_sim.records.seed import Status
-from feeder_sim.records.trajectory_file import export_recording, read_recording
-from feeder_sim.run.prepare import prepare
-from feeder_sim.run.provenance import changed_inputs
-from feeder_sim.run.run_folder import RESOLVED, SUMMARY
-from feeder_sim.scenario import Scenario, parse_scenario
+from feeder_sim.records.trajectory_file import export_recording
+from feeder_sim.run.recorded_run import RESOLVED, RecordedRun
+from feeder_sim.run.run_folder import SUMMARY
+from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.studies.ask import kind_of
 
@@ -37,7 +36,7 @@ def open(run: str | Path) -> OpenedRun:
     path = path_of_user(run, "open")
     if path.is_dir() and not (path / SCENE).is_file():
         _refuse_question(path)
-    return OpenedRun(read_recording(path))
+    return OpenedRun(RecordedRun.open(path))
 
 
 def _refuse_question(folder: Path) -> None:
@@ -61,35 +60,36 @@ class OpenedRun(Result):
 
     recording: Recording
     stored_summary: dict[str, Any] | None
+    _run: RecordedRun
 
-    def __init__(self, recording: Recording) -> None:
-        stored = _stored(recording.path.parent / SUMMARY)
+    def __init__(self, run: RecordedRun) -> None:
         state = {
-            "recording": recording,
-            "seeds": recording.started_seeds,
-            "wall_s": recording.wall_s,
-            "stored_summary": stored,
+            "recording": run.recording,
+            "seeds": run.recording.started_seeds,
+            "wall_s": run.recording.wall_s,
+            "stored_summary": _stored(run.folder / SUMMARY),
+            "_run": run,
         }
         for name, value in state.items():
             object.__setattr__(self, name, value)  # it is frozen
 
-    @cached_property
+    @property
     def scenario(self) -> Scenario:
-        path = self.recording.path
-        return parse_scenario(self.recording.scenario_text, file=path.parent / RESOLVED)
+        return self._run.scenario
 
     @cached_property
     def prepared(self) -> Prepared:
         without = "so that only frames, impacts and the stored summary can be had"
-        scenario = self.scenario
         try:
-            changed = changed_inputs(self.recording.inputs, scenario)
+            changed = self._run.changed_inputs
         except InputError as error:
+            if error.file == self._run.folder / RESOLVED:  # the scenario itself is refused
+                raise
             raise InputError(f"{error.problem}, {without}", file=error.file) from error
         if changed:
             problem = f"has another content than when this was run, {without}"
             raise InputError(problem, file=self.recording.path, key=changed[0])
-        return prepare(scenario)
+        return self._run.prepared
 
     @property
     def title(self) -> str:

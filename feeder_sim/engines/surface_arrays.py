@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.machine_code import inlined, is_none, overload
+from feeder_sim.machine_code import inlined, is_none, lasting, overload
 from feeder_sim.plate.outline import Outline
-from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import Run
+from feeder_sim.scene.scene import Scene, once_per_scene
 
 # `Outline` as compiled code takes it: whether a place is on the plate, and where lines cross the plate's edge.
 #
@@ -124,20 +123,25 @@ class SurfaceArrays(NamedTuple):
     outline: OutlineArrays | None
 
 
-def surface_arrays(surface: Surface, run: Run) -> SurfaceArrays:
-    """Collect the arrays of a surface and the switches of a run."""
+@once_per_scene
+def surface_arrays(scene: Scene) -> SurfaceArrays:
+    """Collect the arrays of the surface of a scene and the switches of its run."""
+    surface, run = scene.surface, scene.scenario.run
     terms = surface.terms
-    return SurfaceArrays(
-        surface.x,
-        surface.y,
-        surface.table,
-        terms.shape,
-        terms.start,
-        terms.stop,
-        terms.coefficient,
-        terms.rate,
-        0.5 * surface.thickness,
-        1.0 if run.in_plane_velocity else 0.0,
-        run.tangent_surface,
-        outline_arrays(surface.outline),
+    arrays: SurfaceArrays = lasting(
+        SurfaceArrays(
+            surface.x,
+            surface.y,
+            surface.table,
+            terms.shape,
+            terms.start,
+            terms.stop,
+            terms.coefficient,
+            terms.rate,
+            0.5 * surface.thickness,
+            1.0 if run.in_plane_velocity else 0.0,
+            run.tangent_surface,
+            outline_arrays(surface.outline),
+        )
     )
+    return arrays

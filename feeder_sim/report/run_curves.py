@@ -18,7 +18,7 @@ from feeder_sim.notebook import counted
 from feeder_sim.plots.intervals import COLOURS, DODGE, FEWEST, draw_bars, draw_over_time, drawn_half
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.report.recorded import Recorded
+from feeder_sim.run.recorded_run import RecordedRun
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO
 
 # Curves of a run, drawn on axes: what many parts do from stage to stage, and rates.
@@ -125,7 +125,7 @@ MOST_STAGES = 12  # of one cycle in a picture by stage
 Kind = TypeVar("Kind")
 
 
-def curves(run: Recorded) -> Iterator[Figure]:
+def curves(run: RecordedRun) -> Iterator[Figure]:
     """All curves that a run has the data for."""
     goal = run.result.scene.scenario.goal
     alone, guided = len(run.recording.parts) == 1, run.result.scene.guides[0] is not None
@@ -145,17 +145,17 @@ def curves(run: Recorded) -> Iterator[Figure]:
         yield _rate(rate, f" Counted {ONE_LOAD}." if one_load(run.result.scene) else "")
 
 
-def _findings(run: Recorded, kind: type[Kind]) -> Kind | None:
+def _findings(run: RecordedRun, kind: type[Kind]) -> Kind | None:
     return next((findings for _, findings in run.result.findings if isinstance(findings, kind)), None)
 
 
-def _seeds(run: Recorded) -> tuple[list[Frames], list[bool]]:
+def _seeds(run: RecordedRun) -> tuple[list[Frames], list[bool]]:
     """Frames of the seeds that have any, and whether each ran to its end."""
     pairs = [(f, s) for f, s in zip(run.recording.seeds, run.recording.status, strict=True) if len(f) > 1]
     return [frames for frames, _ in pairs], [status == Status.DONE for _, status in pairs]
 
 
-def _drift(run: Recorded) -> Figure:
+def _drift(run: RecordedRun) -> Figure:
     """Distance of the part to the nodal line over time, or its way from the start where there is no such line."""
     cell, (seeds, counted) = run.result.prepared.cell, _seeds(run)
     first_end = min((float(f.time[-1]) for f, counts in zip(seeds, counted, strict=True) if counts), default=None)
@@ -196,7 +196,7 @@ def _drift(run: Recorded) -> Figure:
     )
 
 
-def _to_goal(run: Recorded) -> Figure:
+def _to_goal(run: RecordedRun) -> Figure:
     """Mean x of the parts over time in every seed, with the goal."""
     goal, (seeds, _) = run.result.scene.scenario.goal, _seeds(run)
     assert goal is not None  # the caller's check
@@ -225,7 +225,7 @@ def _to_goal(run: Recorded) -> Figure:
     )
 
 
-def _bounces(run: Recorded, findings: BounceFindings) -> Figure:
+def _bounces(run: RecordedRun, findings: BounceFindings) -> Figure:
     """Histograms of the flights of a part in a guide."""
     scene = run.result.scene
     ended = [record for record, s in zip(run.recording.records, run.recording.status, strict=True) if s == Status.DONE]
@@ -242,7 +242,7 @@ def _bounces(run: Recorded, findings: BounceFindings) -> Figure:
     )
 
 
-def _counts(run: Recorded, findings: SeparationFindings) -> Iterator[Figure]:
+def _counts(run: RecordedRun, findings: SeparationFindings) -> Iterator[Figure]:
     """Counts at the ends of stages: over the cycles, or over the stages where there is one cycle only."""
     scene = run.result.scene
     pairs = [

@@ -29,7 +29,7 @@ from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.colours import colours_of, default_colour
 from feeder_sim.replay.page import replay_page
 from feeder_sim.replay.viewer import take_screenshot
-from feeder_sim.report.recorded import Recorded
+from feeder_sim.run.recorded_run import RecordedRun
 from feeder_sim.scene.timetable import TimedStage
 
 MOST_SHAPES, MOST_MOMENTS = 6, 4
@@ -38,7 +38,7 @@ ROOM = 0.4  # parts of a close-up's distance from antinode to nodal line, around
 TITLE = 0.45  # [in] of a panel above and below what is drawn
 
 
-def plate_picture(run: Recorded) -> Figure | None:
+def plate_picture(run: RecordedRun) -> Figure | None:
     """Mode shapes that are driven, with their nodal lines; None for a plate that moves as a whole."""
     plate = run.recording.plate
     driven: dict[tuple[int, float], list[float]] = {}
@@ -75,7 +75,7 @@ def plate_picture(run: Recorded) -> Figure | None:
     )
 
 
-def parts_picture(run: Recorded) -> Figure | None:
+def parts_picture(run: RecordedRun) -> Figure | None:
     """Where parts were: paths of a single one in all seeds, or many parts of the first seed at several moments."""
     scene, recording = run.result.scene, run.recording
     if scene.guides[0] is not None or not any(len(frames) > 1 for frames in recording.seeds):
@@ -85,7 +85,7 @@ def parts_picture(run: Recorded) -> Figure | None:
     return _moments(run)
 
 
-def player(run: Recorded) -> Player | None:
+def player(run: RecordedRun) -> Player | None:
     """The replay of the first seed, which plays in the page; None where nothing is recorded."""
     if not len(run.recording.seeds[0]):
         return None
@@ -97,7 +97,7 @@ def player(run: Recorded) -> Player | None:
     )
 
 
-def _paths(run: Recorded) -> Figure:
+def _paths(run: RecordedRun) -> Figure:
     """Paths of a part in all seeds; of a small part on a large plate, in the cell of the plate that it is in."""
     plate, cell = run.recording.plate, run.result.prepared.cell
     seeds = [frames for frames in run.recording.seeds if len(frames) > 1]
@@ -126,7 +126,7 @@ def _paths(run: Recorded) -> Figure:
     )
 
 
-def _moments(run: Recorded) -> Figure:
+def _moments(run: RecordedRun) -> Figure:
     """Parts of the first seed that was recorded, at its start and at the ends of some stages."""
     scenario, recording = run.result.scene.scenario, run.recording
     seed = next(i for i, frames in enumerate(recording.seeds) if len(frames) > 1)
@@ -216,7 +216,7 @@ def _height(plate: PlateRecord, panels: int, columns: int) -> float:
     return math.ceil(panels / columns) * (0.9 * WIDTH / columns * aspect + TITLE) + 0.2
 
 
-def screenshot(run: Recorded, notify: Callable[[str], None] | None) -> Block:
+def screenshot(run: RecordedRun, notify: Callable[[str], None] | None) -> Block:
     """A picture of the replay; a note where it cannot be drawn, as without a graphics driver."""
     seed = next((i for i, frames in enumerate(run.recording.seeds) if len(frames) > 1), None)
     if seed is None:
@@ -237,7 +237,7 @@ def screenshot(run: Recorded, notify: Callable[[str], None] | None) -> Block:
         return Text(f"No picture of the replay could be drawn: {error}", "note")
 
 
-def _telling_time(run: Recorded, seed: int) -> float:
+def _telling_time(run: RecordedRun, seed: int) -> float:
     """A time at which a picture of a seed tells something [s]: late in the first stage, or half of its record."""
     record, last = run.recording.records[seed], float(run.recording.seeds[seed].time[-1])
     first = run.result.scene.stages(record.stops.tolist())[0]

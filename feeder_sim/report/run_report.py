@@ -12,13 +12,13 @@ from feeder_sim.document.document import Block, Document, Section, Table, Text
 from feeder_sim.document.words import number, sentence
 from feeder_sim.measures.catalogue import HEADLINES
 from feeder_sim.records.seed import Counts, Status
+from feeder_sim.records.trajectory_file import last_change
 from feeder_sim.report.measure_tables import measure_blocks, tiles
 from feeder_sim.report.provenance import foot
-from feeder_sim.report.recorded import Recorded, recorded_run
 from feeder_sim.report.run_curves import curves
 from feeder_sim.report.run_pictures import parts_picture, plate_picture, player, screenshot
 from feeder_sim.report.scenario_tables import scenario_blocks
-from feeder_sim.run.run_folder import RESOLVED
+from feeder_sim.run.recorded_run import RESOLVED, RecordedRun
 
 HOW_ENDED = {
     Status.UNFINISHED: "not finished",
@@ -50,7 +50,7 @@ def run_document(
         InputError: there is no run, or it cannot be read.
     """
     report_progress = progress or (lambda _: None)
-    run = recorded_run(folder)
+    run = RecordedRun.open(folder)
     report_progress(0.2)
     summary = run.result.summary()
     measures = run.result.measures()
@@ -89,7 +89,7 @@ def run_document(
     )
 
 
-def _subtitle(run: Recorded) -> str:
+def _subtitle(run: RecordedRun) -> str:
     seeds = len(run.recording.status)
     started = sum(len(frames) > 0 for frames in run.recording.seeds)
     simulated = sum(float(frames.time[-1]) for frames in run.recording.seeds if len(frames))
@@ -97,11 +97,11 @@ def _subtitle(run: Recorded) -> str:
     return f"Simulation of a vibrating plate: {started_text}, {number(simulated)} s simulated in all."
 
 
-def _notices(run: Recorded) -> list[Text]:
+def _notices(run: RecordedRun) -> list[Text]:
     """What a reader has to know first: that a run is not whole."""
     seeds, lines = len(run.recording.status), []
     if run.result.interrupted:
-        how = "The run is still going on" if run.running else "The run was interrupted"
+        how = "The run is still going on" if run.is_running else "The run was interrupted"
         lines.append(
             Text(f"{how}: {run.ended} of {seeds} seeds have ended. Only these count in the measures.", "warning")
         )
@@ -111,11 +111,13 @@ def _notices(run: Recorded) -> list[Text]:
                           "the causes are listed under Warnings.", "failure"))  # fmt: skip
     elif run.ended == 0 and not run.result.interrupted:
         lines.append(Text("No seed has ended, so that there are no measures.", "warning"))
-    lines += [Text(line, "warning") for line in run.changed_inputs]
+    for key in run.changed_inputs:
+        changed = f"The file of {key} has changed since the run; measures that depend on it may be wrong."
+        lines.append(Text(changed, "warning"))
     return lines
 
 
-def _warnings(run: Recorded) -> tuple[Block, ...]:
+def _warnings(run: RecordedRun) -> tuple[Block, ...]:
     """Settings that mislead, failures, and what else limits the results."""
     lines: list[Block] = [Text(sentence(str(failure)), "failure") for failure in run.result.failures]
     lines += [Text(sentence(warning), "warning") for warning in run.result.prepared.warnings]
@@ -139,16 +141,18 @@ def _warnings(run: Recorded) -> tuple[Block, ...]:
                 "note",
             )
         )
-    if run.other_versions:
-        lines.append(Text(run.other_versions, "note"))
+    if other := run.changed_versions:
+        named = ", ".join(f"{name} {then} (now {now})" for name, (then, now) in other.items())
+        text = f"The run was made with other versions than those that measured it for this page: {named}."
+        lines.append(Text(text, "note"))
     return tuple(lines) or (Text("None known."),)
 
 
-def _provenance(run: Recorded, summary: dict[str, object]) -> tuple[Block, ...]:
+def _provenance(run: RecordedRun, summary: dict[str, object]) -> tuple[Block, ...]:
     """Engine, cost, versions, hashes, the command, and where the data are."""
     recording, prepared = run.recording, run.result.prepared
     status = [f"{n} {how}" for kind, how in HOW_ENDED.items() if (n := recording.status.count(kind))]
-    written = datetime.datetime.fromtimestamp(recording.path.stat().st_mtime).astimezone()
+    written = datetime.datetime.fromtimestamp(1e-9 * last_change(recording.path)).astimezone()
     scenario_hash = hashlib.sha256(recording.scenario_text.encode()).hexdigest()
     factor = summary["real_time_factor"]
     cost = f"{number(run.result.wall_s, 3)} s of wall time"
@@ -173,11 +177,11 @@ def _provenance(run: Recorded, summary: dict[str, object]) -> tuple[Block, ...]:
     )
 
 
-def _command(run: Recorded) -> str:
+def _command(run: RecordedRun) -> str:
     """What repeats a run, of its scenario as it was resolved."""
     resolved = run.folder / RESOLVED
     return f"feeder-sim run {shlex.quote(str(resolved if resolved.is_file() else Path(RESOLVED)))} --out repeated"
 
 
-def _resume(run: Recorded) -> str:
+def _resume(run: RecordedRun) -> str:
     return f"feeder-sim resume {shlex.quote(str(run.folder))}"

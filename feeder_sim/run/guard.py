@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.surface_arrays import outline_arrays, surface_arrays
+from feeder_sim.engines.surface_arrays import SurfaceArrays, outline_arrays, surface_arrays
 from feeder_sim.errors import Divergence, SimulationDiverged
 from feeder_sim.records.seed import Events, parts_arrived
 from feeder_sim.records.trajectory import SAME_TIME, Frames
@@ -50,7 +50,7 @@ from feeder_sim.run.state_check import (
 from feeder_sim.scenario import Contact
 from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.scene import Scene, once_per_scene
 
 DIVERGENCES = {
     NOT_FINITE: Divergence.NOT_FINITE,
@@ -96,8 +96,7 @@ class Guard:
 
     def redrive(self, scene: Scene) -> None:
         """Go on in the same scene, in which drives stop at other times."""
-        surface = surface_arrays(scene.surface, scene.scenario.run)
-        self._limits = self._limits._replace(surface=surface._replace(tangent=self._limits.surface.tangent))
+        self._limits = self._limits._replace(surface=_surface(scene, self._limits.surface.tangent))
 
     def widen(self, prepared: Prepared) -> None:
         """Go on with the same scene, which has got more drives; the limits are made anew."""
@@ -172,7 +171,7 @@ def limits_of(prepared: Prepared, first: Frames) -> Limits:
     tangent = scene.scenario.run.tangent_surface or prepared.engine.name == "mujoco"
     return Limits(
         bodies=_bodies(scene),
-        surface=surface_arrays(scene.surface, scene.scenario.run)._replace(tangent=tangent),
+        surface=_surface(scene, tangent),
         antinode=scene.surface.extremes[0],
         edge=edge_of(scene, sum(drive.largest for drives in scene.all_drives for drive in drives)),
         energy=energy,
@@ -184,7 +183,7 @@ def _depth_limit(prepared: Prepared, energy: EnergyLimit) -> DepthLimit:
     """How deep a corner may be."""
     scene = prepared.scene
     contact, compliant = scene.scenario.contact, scene.scenario.contact.time_constant_us is not None
-    largest = largest_at_once(scene)
+    largest, _ = _plate_motion(scene)
     # The surface is the prescribed one. What parts make of it takes the plate's energy, so that its envelope falls and
     # the limit of the energy holds; but the depth is wrong by as much as they move the surface.
     reaction = largest_reaction(scene, largest, energy.start_speed) if scene.scenario.run.reaction else 0.0
@@ -197,6 +196,12 @@ def _depth_limit(prepared: Prepared, energy: EnergyLimit) -> DepthLimit:
     )
 
 
+def _surface(scene: Scene, tangent: bool) -> SurfaceArrays:
+    surface = surface_arrays(scene)
+    return surface if surface.tangent == tangent else surface._replace(tangent=tangent)
+
+
+@once_per_scene
 def _bodies(scene: Scene) -> Bodies:
     kinds, of = scene.kinds, scene.kind_of
     ends = np.cumsum([len(kind.corners) for kind in kinds])
@@ -225,7 +230,7 @@ def energy_limit(scene: Scene, first: Frames, factor: float) -> EnergyLimit:
     """Bound the energy of the parts of one seed; first: frames with the state at the start."""
     height = float(np.abs(first.position[..., 2]).max())
     start_speed = float(np.linalg.norm(first.velocity, axis=-1).max()) + fall_speed(height) + _spin_speed(scene, first)
-    plate_speed = largest_at_once(scene, speeds=True)
+    _, plate_speed = _plate_motion(scene)
     return EnergyLimit(plate_speed, start_speed, _restitution(scene.scenario.contact), factor)
 
 
@@ -238,6 +243,12 @@ def _spin_speed(scene: Scene, first: Frames) -> float:
 def fall_speed(height: float) -> float:
     """Speed [m/s] after a fall from a height [m]."""
     return math.sqrt(2.0 * GRAVITY * height)
+
+
+@once_per_scene
+def _plate_motion(scene: Scene) -> tuple[float, float]:
+    """Largest deflection [m] and speed [m/s] of the plate."""
+    return largest_at_once(scene), largest_at_once(scene, speeds=True)
 
 
 def largest_at_once(scene: Scene, *, speeds: bool = False) -> float:

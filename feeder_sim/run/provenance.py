@@ -103,29 +103,16 @@ def changed_inputs(then: dict[str, str], scenario: Scenario) -> list[str]:
     return _different(then, now)
 
 
-def check_inputs(then: dict[str, str], scenario: Scenario, folder: Path) -> None:
-    """Refuse to go on with a run whose files are no longer those that it has read.
-
-    Raises:
-        InputError: a file is missing or has another content.
-    """
-    _refuse(changed_inputs(then, scenario), folder, "was begun with another content of")
-
-
 def check_libraries(then: dict[str, str], folder: Path) -> None:
     """Refuse to go on with a run that was made by other libraries.
 
     Raises:
         InputError: it names the first of them.
     """
-    _refuse(_different(then, library_versions()), folder, "was begun with another version of")
+    if changed := _different(then, library_versions()):
+        raise InputError(f"was begun with another version of {changed[0]}, must be the same one", file=folder)
 
 
 def _different(then: dict[str, str], now: dict[str, str]) -> list[str]:
     """Names that two tables have with different values, or that only one of them has."""
     return sorted({name for name, _ in set(then.items()) ^ set(now.items())})
-
-
-def _refuse(changed: list[str], folder: Path, problem: str) -> None:
-    if changed:
-        raise InputError(f"{problem} {changed[0]}, must be the same one", file=folder)

@@ -19,11 +19,12 @@ from feeder_sim.measures.picking import has_picks, picks_csv
 from feeder_sim.records.files import INPUTS, LOCK, RUN, SCENE, SEEDS, locked, partial_of, write_whole
 from feeder_sim.records.recording import DISPLAY_POINTS, PartRecord, PlateRecord, Recording
 from feeder_sim.records.seed import Seed, Status
-from feeder_sim.records.trajectory_file import no_seed, read_recording, write_scene_file, write_seed_file
+from feeder_sim.records.trajectory_file import no_seed, write_scene_file, write_seed_file
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.keep import AllFrames, Retention, check_retention
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.provenance import check_inputs, check_libraries, input_hashes, library_versions
+from feeder_sim.run.provenance import check_libraries, input_hashes, library_versions
+from feeder_sim.run.recorded_run import RESOLVED, RecordedRun
 from feeder_sim.run.simulation import Result, check_starts, simulate
 from feeder_sim.run.work import Work, silent
 from feeder_sim.scenario import Scenario, input_files, load_scenario, parse_scenario, with_files
@@ -108,7 +109,7 @@ def _read(path: Path, key: str | None = None) -> bytes:
 
 
 FORMAT = 1  # of run.json
-SUMMARY, PICKS, RESOLVED, MJCF = "summary.json", "picks.csv", "scenario.toml", "scene.xml"
+SUMMARY, PICKS, MJCF = "summary.json", "picks.csv", "scene.xml"
 MJCF_PARTS = 200  # that scene.xml is written for; it names every pair of parts, a hundred thousand of 500
 
 
@@ -208,15 +209,14 @@ def resume_run(folder: str | Path, *, replay: bool = True, work: Work | None = N
             check_starts(prepared.scene, work)
             _write_scene(folder, prepared, work)
             return _run_into(folder, prepared, {}, replay=replay, record=AllFrames(), work=work)
-        recording = read_recording(folder)
-        if Status.UNFINISHED not in recording.status and (folder / SUMMARY).exists():
+        run = RecordedRun.open(folder)
+        if Status.UNFINISHED not in run.recording.status and (folder / SUMMARY).exists():
             raise InputError("has ended, there is nothing to resume", file=folder)
-        check_libraries(recording.libraries, folder)
-        scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
-        check_inputs(recording.inputs, scenario, folder)
-        ended = {i: seed for i, seed in enumerate(recording.records) if seed.status != Status.UNFINISHED}
-        prepared, before = prepare(scenario), recording.wall_s
-        return _run_into(folder, prepared, ended, before, replay=replay, record=AllFrames(), work=work)
+        check_libraries(run.recording.libraries, folder)
+        run.check_inputs()
+        ended = {i: seed for i, seed in enumerate(run.recording.records) if seed.status != Status.UNFINISHED}
+        before = run.recording.wall_s
+        return _run_into(folder, run.prepared, ended, before, replay=replay, record=AllFrames(), work=work)
 
 
 def _started_scenario(folder: Path) -> Scenario:

@@ -272,7 +272,7 @@ def _variants(annotation: Any) -> _Variants:
             variants["table"] = variants["list"] = item
             for tag in ("kind", "shape"):
                 if tag in item.model_fields:
-                    variants[get_args(item.model_fields[tag].annotation)[0]] = item
+                    variants |= dict.fromkeys(get_args(item.model_fields[tag].annotation), item)
         elif get_origin(item) is not None:
             stack += list(get_args(item))
     return variants

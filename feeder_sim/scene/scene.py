@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +96,23 @@ LONGEST_TRAY_STEP = 2e-5
 ENTERED = 0.25  # of the thinnest part; what a fast part enters the plate in the longest step
 
 
-@dataclass(frozen=True, repr=False)
+T = TypeVar("T")
+
+
+def once_per_scene(make: Callable[[Scene], T]) -> Callable[[Scene], T]:
+    """A function of a scene whose value is kept as long as that, for all its seeds; nobody may write into it."""
+    made: WeakKeyDictionary[Scene, T] = WeakKeyDictionary()
+
+    @functools.wraps(make)
+    def of(scene: Scene) -> T:
+        if scene not in made:
+            made[scene] = make(scene)
+        return made[scene]
+
+    return of
+
+
+@dataclass(frozen=True, repr=False, eq=False)
 class Scene:
     """Everything an engine needs, in SI units; the top of the resting plate is z = 0.
 

@@ -23,10 +23,8 @@ from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.notebook import counted
 from feeder_sim.records.recording import Recording
 from feeder_sim.records.seed import Status
-from feeder_sim.records.trajectory_file import read_recording
-from feeder_sim.run.prepare import prepare
-from feeder_sim.run.provenance import check_inputs
-from feeder_sim.scenario import Scenario, parse_scenario
+from feeder_sim.run.recorded_run import RecordedRun
+from feeder_sim.scenario import Scenario
 from feeder_sim.studies.study import Answer, Record
 
 
@@ -72,19 +70,18 @@ def measured_run(path: Path, progress: Callable[[float], None] | None = None) ->
     Raises:
         InputError: it cannot be read, or a file that its scenario reads is missing or no longer the same.
     """
-    recording = read_recording(path)
-    scenario = parse_scenario(recording.scenario_text, file=recording.path)
-    check_inputs(recording.inputs, scenario, path)
+    run = RecordedRun.open(path)
+    run.check_inputs()
     try:
-        prepared = prepare(scenario)
+        prepared = run.prepared
     except InputError as error:
         raise InputError(error.problem, file=error.file or path, key=error.key) from error
     values = []
-    for number, seed in enumerate(recording.records):
+    for number, seed in enumerate(run.recording.records):
         values.append(values_of_seed(prepared, seed))
         if progress:
-            progress((number + 1) / len(recording.records))
-    return MeasuredRun(path, scenario, recording, tuple(values))
+            progress((number + 1) / len(run.recording.records))
+    return MeasuredRun(path, run.scenario, run.recording, tuple(values))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from conftest import refusal, strip_scenario
 import feeder_sim
 from feeder_sim.feeder.feeder import Feeder
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.run.run_folder import RESOLVED, SUMMARY
+from feeder_sim.run.recorded_run import RESOLVED
+from feeder_sim.run.run_folder import SUMMARY
 from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import (
     Excitation,

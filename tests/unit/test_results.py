@@ -23,6 +23,7 @@ from feeder_sim.api.progress import displayed
 from feeder_sim.errors import InputError
 from feeder_sim.measures import catalogue
 from feeder_sim.measures.protocol import FindingsBase
+from feeder_sim.run.recorded_run import RecordedRun
 from feeder_sim.run.run_folder import SUMMARY, scenario_toml
 from feeder_sim.run.work import Work
 from feeder_sim.scenario import HexNut, ModePlate, Scenario, Start
@@ -85,10 +86,10 @@ def test_run_whose_input_is_gone_gives_frames_and_the_stored_summary(run: Path) 
     recording = feeder_sim.open(run).recording
     plate = ModePlate(kind="modes", mode_file=run / "gone.h5")
     text = scenario_toml(strip_scenario(seeds=2).model_copy(update={"plate": plate}))
-    gone = OpenedRun(replace(recording, scenario_text=text, inputs={"plate.mode_file": 64 * "0"}))
-    changed = OpenedRun(replace(recording, inputs={"plate.mode_file": 64 * "0"}))
+    gone = OpenedRun(RecordedRun(replace(recording, scenario_text=text, inputs={"plate.mode_file": 64 * "0"})))
+    changed = OpenedRun(RecordedRun(replace(recording, inputs={"plate.mode_file": 64 * "0"})))
     text = recording.scenario_text.replace("thickness_mm = 3.0", "thickness_mm = -3.0")
-    refused = OpenedRun(replace(recording, scenario_text=text))
+    refused = OpenedRun(RecordedRun(replace(recording, scenario_text=text)))
     for ask in (refused.measures, refused.lines, lambda: refused.scenario):
         assert "scenario.toml: plate.thickness_mm: is -3.0" in refusal(ask)
     assert refused.summary() == refused.stored_summary and "2 done" in repr(refused)

@@ -155,7 +155,7 @@ def place_of(
     momentum = attitude @ (kinds.record["inertia"][0] * (attitude.T @ np.asarray(spin)))
     parts = new_parts([position], [attitude], [0], [velocity], [momentum])
     parts["clock"], parts["draws"] = time, 1
-    surface = surface_arrays(scene.surface, scene.scenario.run)
+    surface = surface_arrays(scene)
     drive = MovingPlate(surface, scene.surface.extremes, exactness_of(scene), scene.timestep, 0.04)
     surface, bounds = _bounds(drive, 0.0, 0.04)
     plate_and_wall = Plate(surface, bounds, read_walls(scene))

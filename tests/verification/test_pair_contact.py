@@ -266,7 +266,7 @@ def test_the_inner_loops_read_the_contacts_of_the_scenario() -> None:
         kinds = read_kinds(scene)
         assert borrowed_law(kinds) == (0.1, 0.2, 0.3, 0.4)
         library = HullLibrary([kind.corners for kind in scene.kinds], [kind.corner_radius for kind in scene.kinds])
-        scratch, surface = new_scratch(kinds, scene.surface.n_shapes), surface_arrays(scene.surface, scene.scenario.run)
+        scratch, surface = new_scratch(kinds, scene.surface.n_shapes), surface_arrays(scene)
         for held in (kinds, surface, scratch, library.hulls()):
             for name, array in held._asdict().items():
                 assert not isinstance(array, np.ndarray) or array.flags.c_contiguous, name

@@ -16,17 +16,24 @@ from feeder_sim.engines.impulse.frame_rows import (
     FrameRows,
 )
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
-from feeder_sim.engines.impulse.state import ABSENT, FREE, new_parts
+from feeder_sim.engines.impulse.state import ABSENT, FREE, Kinds, new_parts
 from feeder_sim.engines.impulse.surroundings import exactness_of
 from feeder_sim.engines.impulse.window import Drive
 from feeder_sim.engines.protocol import WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.machine_code import lasting
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
-from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.scene import Scene, once_per_scene
 from feeder_sim.scene.start import start_poses
 
 COLUMNS = {"position": POSITION, "velocity": VELOCITY, "attitude": ATTITUDE, "momentum": MOMENTUM}
+
+
+@once_per_scene
+def kinds_of(scene: Scene) -> Kinds:
+    """The kinds of parts of a scene, as compiled code takes them."""
+    kinds: Kinds = lasting(read_kinds(scene))
+    return kinds
 
 
 class PartsEngine:
@@ -38,9 +45,9 @@ class PartsEngine:
     def __init__(self, scene: Scene, rng: np.random.Generator, *, interrupt: NDArray[np.int64] | None) -> None:
         self._scene = scene
         self._interrupt = new_interrupt() if interrupt is None else interrupt
-        self._kinds, self._exact = lasting(read_kinds(scene)), exactness_of(scene)
+        self._kinds, self._exact = kinds_of(scene), exactness_of(scene)
         self._n = len(scene.parts)
-        self._surface = lasting(surface_arrays(scene.surface, scene.scenario.run))
+        self._surface = surface_arrays(scene)
         self._parts = self._start(rng)
         self._frame = 0
         self._row = self._first_row(self._parts[: self._n])  # the state at the last frame
@@ -92,7 +99,7 @@ class PartsEngine:
     def redrive(self, scene: Scene) -> None:
         self._begin_window_now()
         self._scene = scene
-        self._surface = lasting(surface_arrays(scene.surface, scene.scenario.run))
+        self._surface = surface_arrays(scene)
 
     def _begin_window_now(self) -> None:
         """What happens at the last frame acts on the parts from then on; here on the only one, as it is in that."""

@@ -205,7 +205,7 @@ class MujocoEngine:
             mocap_quat=self.data.mocap_quat,
             depth=-float(self.model.body(f"plate_{scene.parts[0].name}").pos[2]),
         )
-        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+        self._surface = surface_arrays(scene)
         self._flight = flight_of(scene)
         self._log = new_log(1)
         self._there = np.ones(len(scene.parts), bool)
@@ -292,7 +292,7 @@ class MujocoEngine:
 
     def redrive(self, scene: Scene) -> None:
         self._scene = scene
-        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+        self._surface = surface_arrays(scene)
         self._flight = flight_of(scene)
 
     def take_impacts(self, *, end: bool) -> Events:

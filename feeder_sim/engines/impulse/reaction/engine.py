@@ -72,5 +72,5 @@ class ReactingEngine(ImpulseEngine):
 
     def redrive(self, scene: Scene) -> None:
         super().redrive(scene)
-        self._surface = lasting(with_reaction(surface_arrays(scene.surface, scene.scenario.run), self._rate))
+        self._surface = lasting(with_reaction(surface_arrays(scene), self._rate))
         self._limits = self._limits_of(scene)
