@@ -6,7 +6,7 @@ import contextlib
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO, WorkFolder, usual_folder
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import FOREIGN, Runner
@@ -161,16 +161,17 @@ def _question_in(path: Path) -> Question:
     return kind.read(path)
 
 
-def open_study(folder: Path) -> Study:
+def open_study(folder: str | Path) -> Study:
     """The answer that a folder holds, as far as it has come; nothing is run.
 
     Raises:
         InputError: it holds no question of many runs, or a file of it cannot be read.
     """
-    question, ledger = _question_in(folder), Ledger(sorted(folder.glob(f"{JOURNAL}*.jsonl")))
+    path = path_of_user(folder, "open_study")
+    question, ledger = _question_in(path), Ledger(sorted(path.glob(f"{JOURNAL}*.jsonl")))
     if not len(ledger):
-        raise InputError(f"holds no seed of the {question.kind} yet, feeder-sim resume goes on", file=folder)
-    file = folder / SCENARIO
+        raise InputError(f"holds no seed of the {question.kind} yet, feeder-sim resume goes on", file=path)
+    file = path / SCENARIO
     plan = question.plan(load_scenario(file), file)
     plan.take(ledger, recorded=True)
     return plan.study(plan.all_done, 0)

@@ -242,7 +242,7 @@ def _attempt(
     point: tuple[float, float], scenario: Scenario, seeds: int, ledger: Ledger, *, probing: bool = False
 ) -> Attempt:
     identity = identity_of(scenario)
-    case = Case(scenario, identity, _label(point), done=ledger.seeds_of(identity))
+    case = Case(lambda: scenario, _label(point), done=ledger.seeds_of(identity))
     return Attempt(point, case, Effort(seeds), probing)
 
 

@@ -110,7 +110,7 @@ def test_a_kill_while_a_trial_takes_its_values_changes_none(
             ((trial, point),) = proposals.next(1)
             points.append((trial, point))
             done = {0: SeedValues(0, {"speed": point[AMPLITUDE]}, 0.0)}
-            proposals.tell([Trial(trial, point, Case(space.scenario, "", done=done))])
+            proposals.tell([Trial(trial, point, Case(lambda: space.scenario, done=done))])
         return points
 
     whole, suggest, left = search(tmp_path / "whole"), Parameter.suggest, [2 * number + values]
@@ -186,7 +186,7 @@ def test_a_search_whose_best_recipe_is_worse_with_fresh_seeds_says_so(
 
 
 def trial_of(values: list[float]) -> Trial:
-    case = Case(strip_scenario(), "")
+    case = Case(strip_scenario)
     case.take(tuple(SeedValues(seed, {"speed": value}, 0.0) for seed, value in enumerate(values)))
     return Trial(0, {}, case)
 

@@ -140,7 +140,7 @@ def test_more_seeds_where_the_interval_is_wide_fewer_where_nothing_happens() -> 
 def test_few_values_that_happen_to_lie_together_do_not_end_a_point(
     seeds: int, values: list[float], wanted: int
 ) -> None:
-    case = Case(strip_scenario(), "")
+    case = Case(strip_scenario)
     for seed in reversed(range(len(values))):  # the order in which seeds come back does not matter
         case.take((SeedValues(seed, {"speed": values[seed]}, 0.1),))
     assert case.target(Effort(seeds, 0.03, 1000, "speed")) == wanted

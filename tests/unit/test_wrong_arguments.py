@@ -31,6 +31,8 @@ CALLS: dict[str, tuple[Callable[..., Any], str]] = {
         lambda: feeder_sim.read_recording("no.h5"),
         "no.h5: no run here, must be a folder that holds scene.h5",
     ),
+    "open_study": (lambda: feeder_sim.open_study(3), "open_study: is 3, must be a path"),  # type: ignore[arg-type]
+    "a folder": (lambda: feeder_sim.open_study("none"), "none: holds no question of many runs"),
     "build_replay": (lambda: feeder_sim.build_replay(3, "x"), "run: is 3, must be a path"),  # type: ignore[arg-type]
     "Feeder": (lambda: feeder_sim.Feeder("x"), "scenario: is 'x', must be a Scenario"),  # type: ignore[arg-type]
     "stages": (lambda: feeder_sim.Feeder(feeder_scenario(), stages=3), "stages: is 3, must be a list"),  # type: ignore[arg-type]

@@ -27,7 +27,6 @@ from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import RepeatedWarning
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
-from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.chart.settings import METHODS, MUJOCO, Setting, is_default, reference_of, settings_of
 from feeder_sim.studies.question import Question
@@ -77,15 +76,12 @@ class ChartQuestion(Question):
         default = tuple(is_default(scenario, setting, file) or not setting.method for setting in settings)
         points = tuple({"setting": setting.name} for setting in settings)
         surer = reference_of(settings) if self.known is None else ()
-        cases = Cases(
-            points,
-            tuple(
-                (Case(other, identity_of(other), points[i], times=OFTEN if i in surer else 1),)
-                for i, other in enumerate(varied)
-            ),
-            Effort(self.seeds or scenario.run.seeds, measure=self.measure or ""),
-            in_turn=True,
-        )
+
+        def case(i: int) -> Case:
+            return Case(lambda: varied[i], points[i], times=OFTEN if i in surer else 1)
+
+        effort = Effort(self.seeds or scenario.run.seeds, measure=self.measure or "")
+        cases = Cases(points, tuple((case(i),) for i in range(len(varied))), effort, in_turn=True)
 
         def answer(cases: Cases, complete: bool, _: int) -> Chart:
             here = [point in cases.points for point in points]  # of a task of a job array not all are

@@ -149,7 +149,7 @@ class SearchRun:
     def _case_of(self, scenario: Scenario, point: Point) -> Case:
         """A scenario with the seeds of it that are done."""
         identity = identity_of(scenario)
-        return Case(scenario, identity, point, done=self._runner.ledger.seeds_of(identity))
+        return Case(lambda: scenario, point, done=self._runner.ledger.seeds_of(identity))
 
     def _trial(self, number: int, point: Point) -> Trial:
         try:
@@ -197,7 +197,7 @@ def read_history(ledger: Ledger, space: Space, aim: Aim, check_seeds: int) -> Hi
     for note in ledger.notes:
         with contextlib.suppress(KeyError, TypeError):  # of another program
             point, name = note["point"], note["case"]
-            case = Case(space.scenario, name, point or {}, done=dict(ledger.recorded(name)))
+            case = Case(lambda: space.scenario, point or {}, done=dict(ledger.recorded(name)))
             if "trial" in note:
                 refused = note["refused"]
                 trials[note["trial"]] = Trial(note["trial"], point, None if refused else case, note["stopped"], refused)

@@ -7,6 +7,7 @@ seeds of its own, the same at every point.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -57,8 +58,7 @@ class Case:
     """A scenario with the seeds that it has been run with.
 
     Attributes:
-        scenario: what is run.
-        identity: see `feeder_sim.run.provenance`.
+        make: makes and checks what is run; a study that is only read does not need it.
         point: of the study, with the draw of uncertain inputs.
         first, stride: its seeds are `first`, `first + stride`, and so on: draws of uncertain inputs have seeds of their
             own, so that their scatter is independent.
@@ -67,8 +67,7 @@ class Case:
         retained: how many of its seeds were there before, and count whatever is asked for now.
     """
 
-    scenario: Scenario
-    identity: str
+    make: Callable[[], Scenario]
     point: Point = field(default_factory=dict)
     first: int = 0
     stride: int = 1
@@ -76,6 +75,20 @@ class Case:
     times: int = 1
     retained: int = 0
     _handed: set[int] = field(default_factory=set)
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """What is run.
+
+        Raises:
+            InputError: a key or a value that is not allowed.
+        """
+        return self.make()
+
+    @cached_property
+    def identity(self) -> str:
+        """See `feeder_sim.run.provenance`."""
+        return identity_of(self.scenario)
 
     def seed_numbers(self, count: int) -> range:
         """The first so many seeds of the case."""
@@ -168,6 +181,11 @@ def _nothing_happens(statistic: Statistic, seeds: int) -> bool:
     return not statistic.n or (statistic.n == seeds and statistic.sd == 0.0)
 
 
+def _varied(scenario: Scenario, point: Point, draw: Draw, file: Path) -> Scenario:
+    changes = with_frequencies(scenario, point, file=file)
+    return scenario.changed({"uncertain": None, **draw, **changes}, file=file)
+
+
 @dataclass(frozen=True)
 class Cases:
     """The points of a sweep with their cases, one per draw of the uncertain inputs.
@@ -182,10 +200,10 @@ class Cases:
 
     @staticmethod
     def at(scenario: Scenario, points: Sequence[Point], draws: Sequence[Draw], effort: Effort, *, file: Path) -> Cases:
-        """The scenario changed to every point and draw, all of them checked.
+        """The scenario changed to every point and draw; each is checked when its identity is asked for.
 
         Raises:
-            InputError: a key or a value that is not allowed.
+            InputError: a key that is varied twice, or more seeds that are asked for with uncertain inputs.
         """
         for key in with_frequencies(scenario, points[0], file=file):
             if any(overlap(key, other) for other in draws[0]):
@@ -195,11 +213,11 @@ class Cases:
             raise InputError(problem, argument="until_se")
         rows = []
         for point in points:
-            changes = with_frequencies(scenario, point, file=file)
-            changed = [scenario.changed({"uncertain": None, **draw, **changes}, file=file) for draw in draws]
-            places = [{**draw, **point} for draw in draws]
             rows.append(
-                tuple(Case(varied, identity_of(varied), places[n], n, len(draws)) for n, varied in enumerate(changed))
+                tuple(
+                    Case(functools.partial(_varied, scenario, point, draw, file), {**draw, **point}, n, len(draws))
+                    for n, draw in enumerate(draws)
+                )
             )
         return Cases(tuple(points), tuple(rows), effort)
 
@@ -239,7 +257,7 @@ class Cases:
         """
         return runner.run(SweepTasks(self, runner.ledger.add))
 
-    @property
+    @cached_property
     def uncertain(self) -> bool:
         """Whether inputs are uncertain."""
         return any(len(row) > 1 for row in self.cases)
