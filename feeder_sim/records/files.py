@@ -24,7 +24,7 @@ def _opened_itself(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes | memoryview) -> None:
     """Write a file in place of the one before; a kill or a full disk leaves one or the other.
 
     Raises:

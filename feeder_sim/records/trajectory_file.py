@@ -156,14 +156,14 @@ def export_recording(recording: Recording, path: Path) -> None:
     write_whole(path, _image(write))
 
 
-def _image(write: Callable[[Any], None]) -> bytes:
+def _image(write: Callable[[Any], None]) -> memoryview:
     """The bytes of an HDF5 file. The library never sees the disk: it crashes as it closes what it could not write."""
     import h5py
 
     buffer = io.BytesIO()
     with h5py.File(buffer, "w", libver="latest") as file:
         write(file)
-    return buffer.getvalue()
+    return buffer.getbuffer()
 
 
 def _write_scene(file: Any, recording: Recording) -> None:
