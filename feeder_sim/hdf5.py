@@ -6,16 +6,20 @@ makes room for whatever size a file claims.
 
 from __future__ import annotations
 
+import io
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
+from feeder_sim.whole_files import write_whole
+
+T = TypeVar("T")
 
 # What all HDF5 files of the package share: text of fixed length in attributes, arrays with units and checksums.
 #
@@ -38,6 +42,61 @@ def get_text(attributes: Any, name: str) -> str | None:
     if name not in attributes or attributes.get_id(name).dtype.kind != "S":
         return None
     return bytes(attributes[name]).decode()
+
+
+class FileKind(NamedTuple):
+    """What tells HDF5 files of a kind: schema and version; what one is called, what to do about another version."""
+
+    schema: str
+    version: int
+    name: str
+    remedy: str
+
+    def mark(self, file: Any) -> None:
+        """Say in a file that is written of which kind it is."""
+        put_text(file.attrs, {"schema": self.schema})
+        file.attrs["schema_version"] = self.version
+
+
+def write_hdf5(path: Path, kind: FileKind, write: Callable[[Any], None]) -> None:
+    """Write an HDF5 file by a function that fills it, in place of the one before.
+
+    Raises:
+        RecordingFailed: it cannot be written, as when the disk is full.
+        InputError: no file of this name can be written.
+    """
+    import h5py
+
+    buffer = io.BytesIO()  # the library never sees the disk: it crashes as it closes what it could not write
+    with h5py.File(buffer, "w", libver="latest") as file:
+        kind.mark(file)
+        write(file)
+    write_whole(path, buffer.getbuffer())
+
+
+def read_hdf5(path: Path, kind: FileKind, read: Callable[[Any], T]) -> T:
+    """What a function makes of an HDF5 file of a kind.
+
+    Raises:
+        InputError: it is damaged, of another kind or version, or asks for more than it holds.
+    """
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            check_trusted(file, path)
+            if (schema := get_text(file.attrs, "schema")) != kind.schema:
+                problem = f"is {schema!r}, must be a {kind.name} ({kind.schema!r})"
+                raise InputError(problem, file=path, key="schema")
+            version = file.attrs.get("schema_version")
+            if not np.isscalar(version) or version != kind.version:
+                problem = f"is {version}, must be {kind.version}: {kind.remedy}"
+                raise InputError(problem, file=path, key="schema_version")
+            return read(file)
+    except InputError:
+        raise
+    except Exception as error:  # of a file that is damaged, h5py raises what it likes
+        raise InputError(f"not a readable {kind.name} (truncated or of another format)", file=path) from error
 
 
 def put_array(file: Any, name: str, values: NDArray[Any], unit: str) -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.errors import InputError
-from feeder_sim.records.files import write_whole
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scenario.changes import path_of
 from feeder_sim.scenario.tables import document_in, read_text
+from feeder_sim.whole_files import write_whole
 
 MOST_BEFORE = 200  # texts that are kept to go back to
 

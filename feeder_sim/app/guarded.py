@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 from feeder_sim.errors import InputError, NotAllowed, quoted
-from feeder_sim.records.files import write_whole
+from feeder_sim.whole_files import write_whole
 
 MOST_BYTES = 60_000_000  # of a file that is put in
 ALLOWED = "must be the address that the command printed"

@@ -9,10 +9,10 @@ from nicegui import run, ui
 
 from feeder_sim.app.fields import notify
 from feeder_sim.errors import FeederSimError
-from feeder_sim.records.files import write_whole
 from feeder_sim.report.document_of import document_of
 from feeder_sim.run.run_folder import fresh_folder
 from feeder_sim.studies.compare import Comparison, in_words, measured_run
+from feeder_sim.whole_files import write_whole
 
 if TYPE_CHECKING:
     from feeder_sim.app.page import Page

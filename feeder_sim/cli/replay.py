@@ -88,9 +88,9 @@ def replay(
 def _write_page(folder: Path, file: Path, seed: int, meaning: Colour | None) -> int:
     """Write the replay as one page, and say how many bytes it has."""
     from feeder_sim.document.player import Player
-    from feeder_sim.records.files import write_whole
     from feeder_sim.records.trajectory_file import read_recording
     from feeder_sim.replay.page import replay_page
+    from feeder_sim.whole_files import write_whole
 
     recording = read_recording(folder)
     player = Player(

@@ -30,9 +30,9 @@ def report(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Write a run, or a question asked of many runs, as one HTML page that opens anywhere, offline."""
-    from feeder_sim.records.files import write_whole
     from feeder_sim.report.document_of import document_of
     from feeder_sim.studies.ask import kind_of
+    from feeder_sim.whole_files import write_whole
 
     file = out or (folder if folder.is_dir() else folder.parent) / PAGE
     if file.suffix.lower() not in SUFFIXES:

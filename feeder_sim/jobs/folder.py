@@ -16,10 +16,11 @@ from typing import Self
 
 from feeder_sim.errors import InputError, not_written
 from feeder_sim.jobs.ledger import read_journal
-from feeder_sim.records.files import INPUTS, holding, write_whole
+from feeder_sim.records.files import INPUTS, holding
 from feeder_sim.run.provenance import content_text
 from feeder_sim.run.run_folder import carry_files, scenario_toml
 from feeder_sim.scenario import Scenario
+from feeder_sim.whole_files import write_whole
 
 SCENARIO, JOURNAL, LOCK = "scenario.toml", "journal", ".lock"
 WRITING = f"{LOCK}-question"  # held while the question is written

@@ -20,8 +20,6 @@ Layout, schema version 4 (SI units, named in the `unit` attribute of every datas
 
 from __future__ import annotations
 
-import contextlib
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim import __version__
-from feeder_sim.errors import InputError, not_written
-from feeder_sim.hdf5 import check_trusted, get_text, put_array, put_text
+from feeder_sim.errors import InputError
+from feeder_sim.hdf5 import FileKind, get_text, put_array, put_text, read_hdf5, write_hdf5
 from feeder_sim.plate.actuators import Actuator
 from feeder_sim.plate.elements.mesh_modes import MeshModes, quartic
 from feeder_sim.plate.materials import Material
@@ -186,8 +184,8 @@ def read_outline(file: Any, name: str, size: tuple[float, float], path: Path) ->
     return outline
 
 
-SCHEMA = "feeder_sim/plate_modes"
-SCHEMA_VERSION = 4
+MAKE = "make it with 'feeder-sim modes PLATE.toml --out FILE'"
+MODE_FILE = FileKind("feeder_sim/plate_modes", 4, "mode file", MAKE)
 RITZ = "Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6"
 ELEMENTS = "Mindlin plate, triangles of fourth degree, shear factor 5/6"
 IMPORTED = "imported mode shapes at points, least squares in orthonormal Legendre products with a bending energy"
@@ -250,67 +248,59 @@ def write_mode_file(path: Path, mode_file: ModeFile) -> None:
         RecordingFailed: it cannot be written, as when the disk is full.
         InputError: the system does not accept the file name.
     """
+    write_hdf5(path, MODE_FILE, lambda file: _write(file, mode_file))
+
+
+def _write(file: Any, mode_file: ModeFile) -> None:
     import h5py
 
     modes, resonances, origin = mode_file.modes, mode_file.resonances, mode_file.origin
     plate, material = modes.plate, modes.plate.material
-    partial = path.with_name(path.name + ".partial")
     attributes = {
-        "schema": SCHEMA,
         "creator": f"feeder_sim {__version__}",
         "libraries": f"numpy {np.__version__}, h5py {h5py.__version__}",
         "method": IMPORTED if origin else ELEMENTS if isinstance(modes, MeshModes) else RITZ,
         "normalisation": "max |w| = 1 over the plate",
         "sign_convention": "w > 0 at or next to (+length/2, +width/2); the top moves by (-h/2 bx, -h/2 by, w) q",
     }
-    buffer = io.BytesIO()  # HDF5 crashes when it closes a file that it could not write
-    with h5py.File(buffer, "w", libver="latest") as file:
-        put_text(file.attrs, attributes)
-        file.attrs["schema_version"] = SCHEMA_VERSION
-        if origin is not None:
-            put_text(file.attrs, {"imported_from": origin.imported_from})
-            file.attrs["shift"] = origin.shift
-        if modes.outline is not None:
-            write_outline(file, "outline", modes.outline)
-        group = file.create_group("plate")
-        group.attrs.update(
-            length=plate.length,
-            width=plate.width,
-            thickness=plate.thickness,
-            density=material.density,
-            youngs_modulus=material.youngs_modulus,
-            poisson_ratio=material.poisson_ratio,
-        )
-        if material.youngs_modulus_y is not None and material.shear_modulus is not None:
-            group.attrs.update(youngs_modulus_y=material.youngs_modulus_y, shear_modulus=material.shear_modulus)
-        put_text(group.attrs, {"unit": "SI: m, kg/m^3, Pa"})
-        put_array(file, "modes/natural_frequency", modes.natural_frequency, "Hz")
-        put_array(file, "modes/coefficients", modes.coefficients, "1, 1/m, 1/m")
-        put_array(file, "modes/parity", modes.parity, "1")
-        put_array(file, "modes/modal_mass", modes.modal_mass, "kg")
-        if isinstance(modes, MeshModes):
-            mesh = {"point": modes.points, "triangle": modes.triangles, "node": modes.nodes, "field": modes.fields}
-            for name, values in mesh.items():
-                put_array(file, f"mesh/{name}", values, {"field": "1, 1/m, 1/m", "triangle": "1"}.get(name, "m"))
-        if mode_file.damping_ratio is not None:
-            put_array(file, DAMPING, mode_file.damping_ratio, "1")
-        put_array(file, "resonances/mode", np.array([r.mode for r in resonances], np.int64), "0-based index")
-        put_array(file, "resonances/frequency", np.array([r.frequency for r in resonances], float), "Hz")
-        put_array(file, "resonances/damping_ratio", np.array([r.damping_ratio for r in resonances], float), "1")
-        put_array(file, "resonances/gain", np.array([r.gain for r in resonances], float), "m/V peak to peak")
-        points = np.array([r.driven_point for r in resonances], float).reshape(-1, 2)
-        put_array(file, "resonances/driven_point", points, "m")
-        names = [actuator.name for actuator in mode_file.actuators]
-        driven = np.array([[name in r.actuators for name in names] for r in resonances], np.int64)
-        put_array(file, "resonances/driven_by", driven.reshape(len(resonances), len(names)), "1")
-        write_actuators(file, mode_file.actuators, mode_file.force_per_volt.reshape(len(modes), len(names)))
-    try:
-        partial.write_bytes(buffer.getvalue())
-        partial.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
-        raise not_written(path, error) from error
+    put_text(file.attrs, attributes)
+    if origin is not None:
+        put_text(file.attrs, {"imported_from": origin.imported_from})
+        file.attrs["shift"] = origin.shift
+    if modes.outline is not None:
+        write_outline(file, "outline", modes.outline)
+    group = file.create_group("plate")
+    group.attrs.update(
+        length=plate.length,
+        width=plate.width,
+        thickness=plate.thickness,
+        density=material.density,
+        youngs_modulus=material.youngs_modulus,
+        poisson_ratio=material.poisson_ratio,
+    )
+    if material.youngs_modulus_y is not None and material.shear_modulus is not None:
+        group.attrs.update(youngs_modulus_y=material.youngs_modulus_y, shear_modulus=material.shear_modulus)
+    put_text(group.attrs, {"unit": "SI: m, kg/m^3, Pa"})
+    put_array(file, "modes/natural_frequency", modes.natural_frequency, "Hz")
+    put_array(file, "modes/coefficients", modes.coefficients, "1, 1/m, 1/m")
+    put_array(file, "modes/parity", modes.parity, "1")
+    put_array(file, "modes/modal_mass", modes.modal_mass, "kg")
+    if isinstance(modes, MeshModes):
+        mesh = {"point": modes.points, "triangle": modes.triangles, "node": modes.nodes, "field": modes.fields}
+        for name, values in mesh.items():
+            put_array(file, f"mesh/{name}", values, {"field": "1, 1/m, 1/m", "triangle": "1"}.get(name, "m"))
+    if mode_file.damping_ratio is not None:
+        put_array(file, DAMPING, mode_file.damping_ratio, "1")
+    put_array(file, "resonances/mode", np.array([r.mode for r in resonances], np.int64), "0-based index")
+    put_array(file, "resonances/frequency", np.array([r.frequency for r in resonances], float), "Hz")
+    put_array(file, "resonances/damping_ratio", np.array([r.damping_ratio for r in resonances], float), "1")
+    put_array(file, "resonances/gain", np.array([r.gain for r in resonances], float), "m/V peak to peak")
+    points = np.array([r.driven_point for r in resonances], float).reshape(-1, 2)
+    put_array(file, "resonances/driven_point", points, "m")
+    names = [actuator.name for actuator in mode_file.actuators]
+    driven = np.array([[name in r.actuators for name in names] for r in resonances], np.int64)
+    put_array(file, "resonances/driven_by", driven.reshape(len(resonances), len(names)), "1")
+    write_actuators(file, mode_file.actuators, mode_file.force_per_volt.reshape(len(modes), len(names)))
 
 
 def read_mode_file(path: Path) -> ModeFile:
@@ -319,32 +309,17 @@ def read_mode_file(path: Path) -> ModeFile:
     Raises:
         InputError: missing, truncated, not HDF5, not a mode file, another schema version, or inconsistent content.
     """
-    import h5py
-
     if not path.is_file():
-        raise InputError("no such mode file; make it with 'feeder-sim modes PLATE.toml --out FILE'", file=path)
-    try:
-        with h5py.File(path, "r") as file:
-            check_trusted(file, path)
-            return _checked(file, path)
-    except InputError:
-        raise
-    except Exception as error:  # of a file that is damaged, h5py raises what it likes
-        raise InputError("not a readable HDF5 file (truncated or of another format)", file=path) from error
+        raise InputError(f"no such mode file; {MAKE}", file=path)
+    return read_hdf5(path, MODE_FILE, lambda file: _checked(file, path))
 
 
 def _checked(file: h5py.File, path: Path) -> ModeFile:
     """Read everything and check that the arrays fit each other.
 
     Raises:
-        InputError: another schema, or inconsistent content.
+        InputError: inconsistent content.
     """
-    schema, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
-    if schema != SCHEMA:
-        raise InputError(f"is {schema!r}, must be a mode file ({SCHEMA!r})", file=path, key="schema")
-    if not np.isscalar(version) or version != SCHEMA_VERSION:
-        problem = f"is {version}, must be {SCHEMA_VERSION}; make it with 'feeder-sim modes PLATE.toml --out FILE'"
-        raise InputError(problem, file=path, key="schema_version")
     values = {name: _number(file, name, path) for name in _PLATE_KEYS}
     orthotropic = {name: _number(file, name, path) for name in _ORTHOTROPIC_KEYS if name in file["plate"].attrs}
     material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"], **orthotropic)

@@ -42,10 +42,9 @@ data are under checksums.
 from __future__ import annotations
 
 import functools
-import io
 import json
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -55,14 +54,15 @@ from numpy.typing import NDArray
 
 from feeder_sim import __version__
 from feeder_sim.errors import Divergence, InputError, SimulationDiverged, path_of_user
-from feeder_sim.hdf5 import check_trusted, get_text, put_text
-from feeder_sim.records.files import SCENE, SEEDS, check_no_links, write_whole
+from feeder_sim.hdf5 import FileKind, get_text, put_text, read_hdf5, write_hdf5
+from feeder_sim.records.files import SCENE, SEEDS, check_no_links
 from feeder_sim.records.recording import Recording, read_part, read_plate, write_part, write_plate
 from feeder_sim.records.seed import ARRIVALS, IMPACTS, REMOVALS, Columns, Counts, LastStates, Seed, Status, events
 from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
 
-SCHEMA, SEED_SCHEMA = "feeder_sim/trajectory", "feeder_sim/seed"
-SCHEMA_VERSION = 5
+SCHEMA_VERSION, AGAIN = 5, "its scenario has to be run again"
+RECORDING = FileKind("feeder_sim/trajectory", SCHEMA_VERSION, "recording", AGAIN)
+SEED = FileKind("feeder_sim/seed", SCHEMA_VERSION, "recording of a seed", AGAIN)
 EVENTS: dict[str, Columns] = {"impacts": IMPACTS, "removals": REMOVALS, "arrivals": ARRIVALS}
 CHUNK = 2**18  # [bytes] of frames under one checksum, about
 _NAME = re.compile(r"\d{3,}\.h5")
@@ -77,7 +77,7 @@ def read_recording(path: str | Path) -> Recording:
         InputError: missing, truncated, not HDF5, not a recording, another schema version.
     """
     file = recorded_file(path_of_user(path, "read_recording"))
-    return _read(file, SCHEMA, lambda root: _recording(file, root))
+    return read_hdf5(file, RECORDING, lambda root: _recording(file, root))
 
 
 def recorded_file(path: Path) -> Path:
@@ -111,7 +111,7 @@ def write_scene_file(recording: Recording) -> None:
     Raises:
         RecordingFailed: it cannot be written, as when the disk is full.
     """
-    write_whole(recording.path, _image(lambda file: _write_scene(file, recording)))
+    write_hdf5(recording.path, RECORDING, lambda file: _write_scene(file, recording))
 
 
 def write_seed_file(folder: Path, index: int, seed: Seed, wall_s: float) -> Seed:
@@ -124,13 +124,7 @@ def write_seed_file(folder: Path, index: int, seed: Seed, wall_s: float) -> Seed
         RecordingFailed: it cannot be written, as when the disk is full.
     """
     path = seed_file(folder, index)
-
-    def write(file: Any) -> None:
-        put_text(file.attrs, {"schema": SEED_SCHEMA})
-        file.attrs["schema_version"] = SCHEMA_VERSION
-        _write_seed(file, seed, wall_s)
-
-    write_whole(path, _image(write))
+    write_hdf5(path, SEED, lambda file: _write_seed(file, seed, wall_s))
     return _saved_in(seed, path)
 
 
@@ -153,24 +147,14 @@ def export_recording(recording: Recording, path: Path) -> None:
         for index, seed in enumerate(recording.records):
             _write_seed(file.create_group(f"{SEEDS}/{index:03d}"), seed, recording.wall_s)
 
-    write_whole(path, _image(write))
-
-
-def _image(write: Callable[[Any], None]) -> memoryview:
-    """The bytes of an HDF5 file. The library never sees the disk: it crashes as it closes what it could not write."""
-    import h5py
-
-    buffer = io.BytesIO()
-    with h5py.File(buffer, "w", libver="latest") as file:
-        write(file)
-    return buffer.getbuffer()
+    write_hdf5(path, RECORDING, write)
 
 
 def _write_scene(file: Any, recording: Recording) -> None:
-    texts = {"schema": SCHEMA, "creator": f"feeder_sim {__version__}", "engine": recording.engine}
+    texts = {"creator": f"feeder_sim {__version__}", "engine": recording.engine}
     tables = {"libraries": json.dumps(recording.libraries), "inputs": json.dumps(recording.inputs)}
     put_text(file.attrs, texts | {"scenario": recording.scenario_text} | tables)
-    file.attrs.update(schema_version=SCHEMA_VERSION, seeds=len(recording.records))
+    file.attrs["seeds"] = len(recording.records)
     write_plate(file, recording.plate)
     written: dict[int, str] = {}
     for part in recording.parts:  # every mesh once; parts of one kind are links to the same data
@@ -212,25 +196,6 @@ def _put_rows(group: Any, name: str, values: NDArray[Any], unit: str) -> None:
     put_text(group.create_dataset(name, data=values, **stored).attrs, {"unit": unit})
 
 
-def _read(path: Path, schema: str, read: Callable[[Any], Any]) -> Any:
-    """What `read` makes of an HDF5 file of a schema; errors as for `read_recording`."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            check_trusted(file, path)
-            if (stored := get_text(file.attrs, "schema")) != schema:
-                raise InputError(f"is {stored!r}, must be {schema!r}", file=path, key="schema")
-            if (version := file.attrs.get("schema_version")) != SCHEMA_VERSION:
-                message = f"is {version}, must be {SCHEMA_VERSION}: its scenario has to be run again"
-                raise InputError(message, file=path, key="schema_version")
-            return read(file)
-    except InputError:
-        raise
-    except Exception as error:  # of a file that is damaged, h5py raises what it likes
-        raise InputError("not a readable recording (truncated or of another format)", file=path) from error
-
-
 def _recording(path: Path, file: Any) -> Recording:
     parts = tuple(read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number))
     if SEEDS in file:
@@ -263,7 +228,7 @@ def _seeds_in(folder: Path, n_parts: int) -> dict[int, tuple[Seed, float]]:
         if not path.is_file():  # a pipe may never end
             raise InputError("is not a file", file=path)
         index = int(path.stem)
-        seed, wall_s = _read(path, SEED_SCHEMA, functools.partial(_read_seed, index=index))
+        seed, wall_s = read_hdf5(path, SEED, functools.partial(_read_seed, index=index))
         if seed.frames.present.shape[1] != n_parts:
             raise InputError(f"has {seed.frames.present.shape[1]} parts, must be {n_parts} as the run", file=path)
         seeds[index] = _saved_in(seed, path), wall_s

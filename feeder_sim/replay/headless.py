@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from feeder_sim.errors import FeederSimError
-from feeder_sim.records.files import write_whole
 from feeder_sim.records.recording import Recording
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.layout import Style
 from feeder_sim.replay.replay import REPLAY, replay_content
 from feeder_sim.replay.scenery import SLOW, TIMELINE
+from feeder_sim.whole_files import write_whole
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -11,7 +11,6 @@ import re
 from pathlib import Path
 
 from feeder_sim.errors import path_of_user
-from feeder_sim.records.files import write_whole
 from feeder_sim.records.recording import Recording
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.replay.build import scenery_of
@@ -19,6 +18,7 @@ from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.layout import Style
 from feeder_sim.replay.scenery import SLOW, TIMELINE
 from feeder_sim.replay.seed_view import PERIOD_S, PERIODS, PICTURES, SeedView
+from feeder_sim.whole_files import write_whole
 
 REPLAY = "replay.rrd"  # its name in a run folder
 REPLAY_NAMES = re.compile(r"replay(_seed_\d+)?\.rrd")

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import FeederSimError, InputError, not_written, printable
-from feeder_sim.records.files import partial_of
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera
 from feeder_sim.replay.scenery import SLOW, TIMELINE
 from feeder_sim.replay.viewer import replay_ends
+from feeder_sim.whole_files import partial_of
 
 FPS, SIZE = 25.0, (1280, 720)
 LONGEST_S = 20.0  # of a film whose speed is not given

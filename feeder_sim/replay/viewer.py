@@ -10,12 +10,13 @@ import tempfile
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, InputError
-from feeder_sim.records.files import check_no_links, locked, write_whole
+from feeder_sim.records.files import check_no_links, locked
 from feeder_sim.records.trajectory_file import last_change, read_recording, recorded_file
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera, viewer_program
 from feeder_sim.replay.replay import build_replay, replay_name, timeline_ends
 from feeder_sim.replay.scenery import SLOW, TIMELINE
+from feeder_sim.whole_files import write_whole
 
 DEFAULT_TIME = 1.0  # [s], of a screenshot
 STARTING_S = 2.0

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from feeder_sim.errors import InputError, not_written, shortened
 from feeder_sim.example_files import starter_folder
-from feeder_sim.records.files import write_whole
 from feeder_sim.run.recorded_run import RESOLVED
 from feeder_sim.run.run_folder import carried_names, scenario_toml
 from feeder_sim.scenario import Scenario, input_files, load_plate_file, load_scenario, parse_scenario, with_files
 from feeder_sim.scenario.schema import schema_text
 from feeder_sim.scenario.tables import parse, read_text
+from feeder_sim.whole_files import write_whole
 
 SCENARIO, PLATE, NOTEBOOK, MODES = RESOLVED, "plate.toml", "notebook.ipynb", "modes.h5"
 _SCHEMA_LINE = re.compile(r"\A#:schema [^\n]*\n")

@@ -16,7 +16,7 @@ import numpy as np
 from feeder_sim import __version__
 from feeder_sim.errors import InputError, cause_of, not_written, shortened
 from feeder_sim.measures.picking import has_picks, picks_csv
-from feeder_sim.records.files import INPUTS, LOCK, RUN, SCENE, SEEDS, locked, partial_of, write_whole
+from feeder_sim.records.files import INPUTS, LOCK, RUN, SCENE, SEEDS, locked
 from feeder_sim.records.recording import DISPLAY_POINTS, PartRecord, PlateRecord, Recording
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory_file import no_seed, write_scene_file, write_seed_file
@@ -32,6 +32,7 @@ from feeder_sim.scenario.rules import findings_of_level
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
+from feeder_sim.whole_files import partial_of, write_whole
 
 # Copies of the files that a scenario reads, in a folder that can then be taken elsewhere.
 

@@ -180,14 +180,13 @@ def test_full_disk_leaves_no_part_of_a_file(
 
 
 def test_full_disk_leaves_no_part_of_a_mode_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(self: Path, data: bytes) -> int:
-        self.touch()
+    def fails(_: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     held = read_mode_file(REPOSITORY / "models/plate_180/modes.h5")
     write_mode_file(tmp_path / "modes.h5", ModeFile(held.modes))
     before = (tmp_path / "modes.h5").read_bytes()
-    monkeypatch.setattr(Path, "write_bytes", fails)
+    monkeypatch.setattr(os, "fsync", fails)
     with pytest.raises(RecordingFailed, match=r"modes\.h5: cannot be written, is the disk full"):
         write_mode_file(tmp_path / "modes.h5", ModeFile(held.modes))
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]

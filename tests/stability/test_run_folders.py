@@ -27,7 +27,7 @@ from conftest import BALL_ON_SLIDE, REPOSITORY, StopsAfter, ball_on_slide, toml_
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
-from feeder_sim.records.files import LOCK, locked, write_whole
+from feeder_sim.records.files import LOCK, locked
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory_file import export_recording, read_recording
 from feeder_sim.replay import viewer
@@ -36,6 +36,7 @@ from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import carry_files, record_run, resume_run
 from feeder_sim.run.work import Work
 from feeder_sim.scenario import MeshPart, ModePlate, Scenario, load_scenario, with_run
+from feeder_sim.whole_files import write_whole
 
 MODES = REPOSITORY / "models/plate_180/modes.h5"
 

@@ -15,10 +15,10 @@ from conftest import REPOSITORY
 from feeder_sim.errors import RecordingFailed
 from feeder_sim.example_files import examples
 from feeder_sim.plate.mode_file import read_mode_file
-from feeder_sim.records.files import write_whole
 from feeder_sim.run.new_folder import new_folder
 from feeder_sim.scenario import Drive, Scenario, input_files, load_plate_file, load_scenario, with_files
 from feeder_sim.scenario.schema import json_schema
+from feeder_sim.whole_files import write_whole
 
 
 def code_of(folder: Path) -> list[str]:

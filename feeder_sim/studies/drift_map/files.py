@@ -15,10 +15,10 @@ import numpy as np
 from feeder_sim.errors import InputError, cause_of
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.records.files import write_whole
 from feeder_sim.scenario import Scenario, resolve_material
 from feeder_sim.studies.drift_map.drift_map import DriftMap, MapInputs
 from feeder_sim.studies.drift_map.making import made_of, strip_of
+from feeder_sim.whole_files import write_whole
 
 FORMAT, VERSION = "feeder_sim drift map", 2
 TABLES = ("frequency", "speed", "drift", "drift_se", "along", "across")
