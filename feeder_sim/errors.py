@@ -139,7 +139,6 @@ class Divergence(Enum):
     TOO_MUCH_ENERGY = "it has more energy than this plate can give"
     TOO_DEEP = "a corner lies too deep below the plate's surface"
     STALLED = "its next frame takes too long"  # not a state, but an engine that does not get on
-    UNKNOWN = "its state was not valid"  # of a record whose file of last states is not there
 
 
 class SimulationDiverged(FeederSimError):

@@ -261,13 +261,16 @@ def _read_seed(group: Any, index: int) -> tuple[Seed, float]:
         return seed, of_ensemble
     failure = group["failure"]
     divergence, part, cause = (str(get_text(failure.attrs, name)) for name in ("divergence", "part", "cause"))
-    why: dict[str, Any] = {"time_s": float(failure.attrs["time"]), "part": part, "seed": index, "detail": cause}
+    time_s, kind = float(failure.attrs["time"]), Divergence[divergence]
+    diverged = SimulationDiverged(kind, time_s=time_s, part=part, seed=index, detail=cause)
     last = LastStates(_frames(failure), int(failure.attrs["valid"])) if "valid" in failure.attrs else None
-    return replace(seed, failure=SimulationDiverged(Divergence[divergence], **why), last=last), of_ensemble
+    return replace(seed, failure=diverged, last=last), of_ensemble
 
 
 def _frames(group: Any) -> Frames:
     values = _columns(group, FRAME_FIELDS)
+    if len({len(each) for each in values.values()}) > 1:
+        raise InputError("has frames of different lengths", file=group.file.filename, key=group.name)
     return Frames(**{name: v if v.dtype == bool else v.astype(float) for name, v in values.items()})
 
 

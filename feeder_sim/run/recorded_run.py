@@ -1,4 +1,4 @@
-"""A run folder as it was left: finished, interrupted, killed or failed. It is the only way in to a run on disk.
+"""A run folder: finished, interrupted, killed or failed. It is the only way in to a run on disk.
 
 Measures are computed again from what is recorded; a run that was killed has no summary.
 """
@@ -86,7 +86,7 @@ class RecordedRun:
         """The scenario, prepared again.
 
         Raises:
-            InputError: a file that it reads is gone, or it cannot be built.
+            InputError: a file that it reads is missing, or it cannot be built.
         """
         return prepare(self.scenario)
 

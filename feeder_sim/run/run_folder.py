@@ -250,8 +250,8 @@ def _run_into(
     work: Work,
 ) -> Result:
     """Simulate a scene into a folder; ended: seeds that have files there. Other arguments as for `simulate`."""
-    for left in (folder / SEEDS).glob(partial_of(Path("*")).name):  # by a kill
-        left.unlink(missing_ok=True)
+    for partial in (folder / SEEDS).glob(partial_of(Path("*")).name):  # of seeds under way in a kill
+        partial.unlink(missing_ok=True)
     remove_replays(folder)
     for warning in prepared.warnings:
         work.notify(f"warning: {warning}")

@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,8 +171,8 @@ class SeedRun:
 
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> Seed:
         """Everything, with how it ended."""
-        ending: dict[str, Any] = {"status": status, "wall_s": wall_s, "failure": failure, "last": self._last}
-        return replace(self._history.to_seed(), counts=self._engine.counts, **ending)
+        seed, counts = self._history.to_seed(), self._engine.counts
+        return replace(seed, status=status, wall_s=wall_s, failure=failure, last=self._last, counts=counts)
 
     def _advance(self, fractions: NDArray[np.float64], stop: threading.Event) -> Seed | None:
         """One block, step by step; None if it was stopped, and then there is no other."""

@@ -245,6 +245,7 @@ SPOILT: dict[str, Callable[[h5py.File, Path], None]] = {
     # Without a limit of the depth, a walk through a group in itself never ends.
     "itself": lambda file, mine: file.__setitem__("seeds/000/again", file["/"]),
     "many names": many_names,
+    "frames of two lengths": lambda file, mine: put(file, "seeds/000/position", np.zeros((3, 1, 3))),
 }
 
 
