@@ -8,6 +8,8 @@ What is there and of the present sources is not built again.
     python -m feeder_sim.machine_code.build --check 7  # build the seventh again, and compare it with what is there
 
 Needs `cc` as linker. Two builds from the same sources, with the same Python, numba and llvmlite, are the same bytes.
+Each is made in a process of its own, in which hashes of texts do not differ from run to run: what was compiled before,
+and the order of a set, would show in the bytes.
 """
 
 from __future__ import annotations
@@ -207,8 +209,7 @@ def build_all(rows: dict[str, Row], workers: int) -> None:
         there = name in index and (FOLDER / f"{name}.so").is_file()
         if not there or index[name]["key"] != key_of(variant_of(row).entry):
             lacking[name] = row
-    # Each in a process of its own: what was compiled before shows in the bytes.
-    with multiprocessing.get_context("spawn").Pool(workers, maxtasksperchild=1) as pool:
+    with _processes(workers) as pool:
         for number, (name, line, library) in enumerate(pool.imap(built, lacking.values())):
             (FOLDER / f"{name}.so").write_bytes(library)
             index[name] = line
@@ -223,21 +224,33 @@ def build_all(rows: dict[str, Row], workers: int) -> None:
     LIST.write_text(json.dumps({name: rows[name] for name in sorted(rows)}) + "\n", encoding="ascii")
 
 
+def _processes(workers: int) -> Any:
+    os.environ["PYTHONHASHSEED"] = "0"
+    return multiprocessing.get_context("spawn").Pool(workers, maxtasksperchild=1)
+
+
 def check(row: Row) -> None:
     """Build a variant again, and compare it with what is there, if that was made by the same tools.
 
     Raises:
         SystemExit: its sources have changed since, or it comes out as other bytes.
     """
-    name, line, library = built(row)
+    with _processes(1) as pool:
+        name, line, library = pool.apply(built, (row,))
     committed = read(INDEX, {})[name]
     if committed["key"] != line["key"]:
         raise SystemExit(f"{name} is of other sources: python -m feeder_sim.machine_code.build")
     if committed["tools"] != TOOLS:
         print(f"{name} is not compared: built by {committed['tools']}, here is {TOOLS}")
         return
-    if (FOLDER / f"{name}.so").read_bytes() != library:
-        raise SystemExit(f"{name} comes out as other bytes")
+    if (there := (FOLDER / f"{name}.so").read_bytes()) != library:
+        places = [place for place, pair in enumerate(zip(there, library, strict=False)) if pair[0] != pair[1]]
+        linker = subprocess.run([*LINK[:1], "-Wl,--version"], capture_output=True, text=True).stdout.partition("\n")[0]
+        raise SystemExit(
+            f"{name} comes out as other bytes: {len(library)} of them, {len(there)} are there, {len(places)} differ, "
+            f"the first at {places[:1]}; Python {platform.python_version()}, {llvmlite.binding.get_host_cpu_name()}, "
+            f"{platform.libc_ver()}, {linker}"
+        )
     print(f"{name} comes out as the same bytes")
 
 
