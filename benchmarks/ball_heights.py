@@ -25,8 +25,8 @@ import typer
 from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.bounces import expected_interval, seed_flights
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.pool.work import Work
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 
 SCENARIO = Path(__file__).parents[1] / "scenarios/ball_558hz.toml"

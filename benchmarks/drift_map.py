@@ -31,7 +31,7 @@ from drift_map_errors import (
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import empty_figure
-from feeder_sim.run.work import Work
+from feeder_sim.pool.work import Work
 from feeder_sim.scenario import Drive, Scenario, Strip, load_scenario
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map

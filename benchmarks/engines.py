@@ -16,9 +16,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from feeder_sim.pool.work import Work, available_cores
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work, available_cores
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

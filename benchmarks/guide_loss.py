@@ -29,9 +29,9 @@ from scipy.spatial.transform import Rotation
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.bounces import LEAST_INTERVAL, batched, settling_time
+from feeder_sim.pool.work import Work
 from feeder_sim.records.seed import Seed
 from feeder_sim.run.simulation import Result, simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, Tube, load_scenario, with_run
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

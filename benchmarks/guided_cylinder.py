@@ -13,8 +13,8 @@ from typing import Annotated, Any
 
 import typer
 
+from feeder_sim.pool.work import Work
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, Slide, Tube, load_scenario, with_run
 
 SCENARIO = Path(__file__).parents[1] / "scenarios/cylinder_558hz.toml"

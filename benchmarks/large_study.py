@@ -18,7 +18,7 @@ import numpy as np
 
 import feeder_sim
 from feeder_sim.jobs.task import SeedValues, Task
-from feeder_sim.run.work import Work
+from feeder_sim.pool.work import Work
 from feeder_sim.studies.ask import ask, folder_of
 from feeder_sim.studies.sweep.sweep import SweepQuestion
 

@@ -43,8 +43,8 @@ from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.pairs import APART, LEAST_MOVED, MOVES, ON_LINE, POINTS, THROWS, mode_pairs
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.response import hop_height, rank_modes
+from feeder_sim.pool.work import Work
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scenario.tables import validated
 

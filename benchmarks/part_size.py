@@ -28,8 +28,8 @@ import typer
 
 from feeder_sim.measures.picking import picks_of
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.pool.work import Work
 from feeder_sim.run.simulation import Result, simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Drive, Scenario, load_scenario
 from feeder_sim.scenario.tables import validated
 

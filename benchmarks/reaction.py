@@ -21,10 +21,10 @@ import typer
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 from feeder_sim.engines.impulse.scratch import FROM_MODES
 from feeder_sim.engines.reaction import reaction_at
+from feeder_sim.pool.work import Work
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import generators, simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.prepared import Prepared

@@ -17,9 +17,9 @@ import tempfile
 import time
 from pathlib import Path
 
+from feeder_sim.pool.work import Work
 from feeder_sim.run.run_folder import scenario_toml
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

@@ -28,9 +28,9 @@ from feeder_sim.document.figure import MM, empty_figure
 from feeder_sim.measures.circulation import stage_waves
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.wave import Track, Wave
+from feeder_sim.pool.work import Work
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import build_scene

@@ -20,10 +20,10 @@ from invariants import growth
 from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import read_mode_file
+from feeder_sim.pool.work import Work
 from feeder_sim.records.seed import Counts
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import Scene

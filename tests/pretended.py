@@ -13,7 +13,7 @@ from typing import Any
 from conftest import amplitude_of
 
 from feeder_sim.jobs.task import SeedValues, Task
-from feeder_sim.run.work import Work
+from feeder_sim.pool.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.ask import ask, folder_of
 from feeder_sim.studies.question import Question

@@ -11,7 +11,7 @@ import pretended
 from conftest import amplitude_of, strip_scenario
 
 from feeder_sim.jobs.runner import Runner
-from feeder_sim.jobs.workers import Workers
+from feeder_sim.pool.workers import Workers
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.cases import CasesPlan
 from feeder_sim.studies.sweep.sweep import SweepQuestion

@@ -14,12 +14,11 @@ from feeder_sim.api.result import Result
 from feeder_sim.errors import path_of_user
 from feeder_sim.measures.function import Function, as_measures
 from feeder_sim.measures.protocol import Measure
+from feeder_sim.pool.work import STALL_AFTER_S, Work
 from feeder_sim.run import run_folder, simulation
 from feeder_sim.run.batch import measure_drift as measure_drift
 from feeder_sim.run.keep import AllFrames, Retention
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.watchdog import STALL_AFTER_S
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.studies.compare import Comparison, measured_run

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from feeder_sim.errors import NotAllowed, printable, shortened
-from feeder_sim.run.work import Work, silent
+from feeder_sim.pool.work import Work, silent
 
 Progress = Callable[[float], None] | bool | None
 CELLS, LONGEST_TITLE = 24, 40

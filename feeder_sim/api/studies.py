@@ -12,7 +12,7 @@ from feeder_sim.api.progress import Progress, displayed
 from feeder_sim.errors import check_type, path_of_user
 from feeder_sim.measures.function import Function, as_measures
 from feeder_sim.measures.protocol import Measure
-from feeder_sim.run.work import Work
+from feeder_sim.pool.work import Work
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.ask import ask, folder_of
 from feeder_sim.studies.chart.chart import Chart, ChartQuestion

@@ -86,8 +86,8 @@ class Runs:
 
 
 def _compute(text: str, file: Path, folder: Path, pipe: Any) -> None:
+    from feeder_sim.pool.work import Work
     from feeder_sim.run.run_folder import record_run
-    from feeder_sim.run.work import Work
     from feeder_sim.scenario import parse_scenario
 
     work = Work(

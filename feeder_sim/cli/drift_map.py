@@ -41,8 +41,8 @@ def drift_map(
         raise InputError(f"is {out.suffix!r}, must be .npz", file=out, key="--out")
     scenario = scenario_of(scenario_file, None, None, seed, settings)
     with file_in_errors(scenario_file):
+        from feeder_sim.pool.work import Work
         from feeder_sim.run.prepare import ignored_uncertainty
-        from feeder_sim.run.work import Work
         from feeder_sim.studies.drift_map.files import save_map
         from feeder_sim.studies.drift_map.making import make_map, strip_of
 

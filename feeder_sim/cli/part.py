@@ -141,7 +141,7 @@ def _contact(file: Path, engine: str, restitution: float | None, friction: float
 
 def _dropped(body: RigidPart, drops: int, contact: Contact, engine: Any, seed: int) -> DropStudy | None:
     from feeder_sim.part.stable_poses import stable_poses
-    from feeder_sim.run.work import Work
+    from feeder_sim.pool.work import Work
     from feeder_sim.studies.drops import drop
 
     if not stable_poses(body).poses:

@@ -31,8 +31,8 @@ from feeder_sim.cli.terminal import at_terminal
 from feeder_sim.errors import InputError, Interrupted, printable
 
 if TYPE_CHECKING:
+    from feeder_sim.pool.work import Work
     from feeder_sim.run.simulation import Result
-    from feeder_sim.run.work import Work
     from feeder_sim.scenario import Scenario
 
 WithReplay = Annotated[
@@ -126,8 +126,7 @@ def check(
 
 
 def _work(workers: int | None, stall_after: float | None) -> Work:
-    from feeder_sim.run.watchdog import STALL_AFTER_S
-    from feeder_sim.run.work import Work
+    from feeder_sim.pool.work import STALL_AFTER_S, Work
 
     with options_in_errors():
         return Work(workers, stall_after=STALL_AFTER_S if stall_after is None else stall_after)

@@ -113,7 +113,7 @@ def study_command(name: str, title: str) -> Any:
     ) -> None:
         scenario, share = scenario_of(scenario_file, engine, None, seed, settings), _task_of(task)
         with file_in_errors(scenario_file):
-            from feeder_sim.run.work import Work
+            from feeder_sim.pool.work import Work
             from feeder_sim.studies.ask import ask, folder_of
 
             read = {name: READERS[name](v) if name in READERS and v is not None else v for name, v in options.items()}

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from feeder_sim.errors import Interrupted, printable
 
 if TYPE_CHECKING:
-    from feeder_sim.run.work import Work
+    from feeder_sim.pool.work import Work
 
 
 class Stop(threading.Event):
@@ -57,7 +57,7 @@ def notify(line: str) -> None:
 @contextlib.contextmanager
 def at_terminal(work: Work, title: str, dask: str | None = None) -> Iterator[Work]:
     """The work, shown here and ended by Ctrl-C; on the Dask cluster of an address, if one is given."""
-    from feeder_sim.jobs.workers import on_cluster
+    from feeder_sim.pool.workers import on_cluster
 
     with stop_on_signal() as stop, progress_bar(title, stop) as progress, on_cluster(work, dask) as of_cluster:
         yield replace(of_cluster, stop=stop, progress=progress, notify=notify)

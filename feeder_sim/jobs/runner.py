@@ -1,18 +1,18 @@
-"""Runs what there is to do until there is no more: hands out tasks, takes what comes back, outlives workers."""
+"""Runs the seeds of a study: as many in a task as take a while."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from feeder_sim.errors import FeederSimError
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.task import SeedValues, Task, run_task
-from feeder_sim.jobs.workers import Workers
-from feeder_sim.run.work import Work
+from feeder_sim.pool.pool import run_tasks
+from feeder_sim.pool.work import Work
+from feeder_sim.pool.workers import Workers
 
 if TYPE_CHECKING:
     from feeder_sim.measures.protocol import Measure
@@ -21,16 +21,13 @@ if TYPE_CHECKING:
 # Why seeds in a journal do not count.
 FOREIGN = "of other points, of another version, or of files that have changed"
 
-AHEAD = 2  # tasks per worker that are handed out
 TASK_S = 0.5  # [s] that a task should take, so that handing it out costs little
-MOST_BREAKS = 5  # of an executor, without a task that was done in between
-STOP_CHECK_S = 0.2  # [s] between two looks whether to stop
 
 P = TypeVar("P")
 
 
-class Tasks(Protocol[P]):
-    """What there is to do; `P` is what a task belongs to."""
+class SeedTasks(Protocol[P]):
+    """As `Tasks`, in tasks of a number of seeds; `P` is what a task belongs to."""
 
     def next(self, seeds: int) -> tuple[P, Task] | None:
         """The next task, of up to so many seeds; None while there is none."""
@@ -69,59 +66,31 @@ class Runner:
         if foreign_seeds:
             self.work.notify(f"{foreign_seeds} seeds in the folder do not count: they are {FOREIGN}")
 
-    def run(self, tasks: Tasks[P], progress: Callable[[float], None] | None = None) -> bool:
+    def run(self, tasks: SeedTasks[P], progress: Callable[[float], None] | None = None) -> bool:
         """Run all there is to do; returns whether it came to the end, and was not stopped.
 
-        A task whose worker has died is handed out again. `progress` in place of that of the work.
-
-        Raises:
-            FeederSimError: workers die on and on.
+        `progress` in place of that of the work. Errors as for `run_tasks`.
         """
-        workers, stop, progress = self.workers, self.work.stop, progress or self.work.progress
-        pending: dict[Future[tuple[SeedValues, ...]], tuple[P, Task]] = {}
-        requeued: list[tuple[P, Task]] = []
-        breaks, n_completed, seconds = 0, 0, 0.0
-        while not stop.is_set():
-            block = max(1, int(TASK_S * n_completed / seconds)) if seconds > 0.0 else 1
-            broken = False
-            while len(pending) < AHEAD * workers.count and not broken:
-                handed = requeued.pop() if requeued else tasks.next(block)
-                if handed is None:
-                    break
-                try:
-                    pending[workers.executor.submit(run_task, handed[1], self.measures)] = handed
-                except BrokenExecutor:
-                    requeued.append(handed)
-                    broken = True
-            if not pending and not broken:
-                return True
-            finished, _ = wait(pending, timeout=0.0 if broken else STOP_CHECK_S, return_when=FIRST_COMPLETED)
-            for future in finished:
-                place, task = pending.pop(future)
-                try:
-                    completed = future.result()
-                except BrokenExecutor:
-                    requeued.append((place, task))
-                    broken = True
-                    continue
-                except workers.lost as error:
-                    raise FeederSimError(f"the workers gave a task up: {type(error).__name__}: {error}") from error
-                breaks = 0
-                n_completed, seconds = n_completed + len(completed), seconds + sum(seed.wall_s for seed in completed)
-                tasks.take(place, completed)
-            if broken:
-                requeued += pending.values()  # the executor has given them up as well
-                pending.clear()
-                breaks = _restarted(workers, breaks)
-            progress(tasks.share_done)
-        for future in pending:
-            future.cancel()
-        return False
+        work = replace(self.work, progress=progress or self.work.progress)
+        call = functools.partial(run_task, measures=self.measures)
+        return run_tasks(self.workers, _Blocks(tasks), call, work)
 
 
-def _restarted(workers: Workers, breaks: int) -> int:
-    """Go on with a new executor; returns how many have broken in a row."""
-    if workers.restart is None or breaks >= MOST_BREAKS:
-        raise FeederSimError("workers end before their task is done, again and again: is memory short?")
-    workers.executor = workers.restart()
-    return breaks + 1
+class _Blocks(Generic[P]):
+    """Tasks of so many seeds that handing them out costs little."""
+
+    def __init__(self, tasks: SeedTasks[P]) -> None:
+        self._tasks = tasks
+        self._completed, self._seconds = 0, 0.0
+
+    def next(self) -> tuple[P, Task] | None:
+        return self._tasks.next(max(1, int(TASK_S * self._completed / self._seconds)) if self._seconds > 0.0 else 1)
+
+    def take(self, place: P, result: tuple[SeedValues, ...]) -> None:
+        self._completed += len(result)
+        self._seconds += sum(seed.wall_s for seed in result)
+        self._tasks.take(place, result)
+
+    @property
+    def share_done(self) -> float:
+        return self._tasks.share_done

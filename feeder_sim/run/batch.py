@@ -7,28 +7,25 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from feeder_sim.engines.protocol import ENDED, new_interrupt
-from feeder_sim.errors import InputError, check_type, check_whole
+from feeder_sim.errors import InputError, check_type
 from feeder_sim.measures.drift import Drift, DriftFindings, SeedDrift
 from feeder_sim.measures.protocol import SeedReader
 from feeder_sim.notebook import block
+from feeder_sim.pool.pool import run_tasks
+from feeder_sim.pool.work import Work
 from feeder_sim.records.seed import Status, endings
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.seed_run import SeedRun
+from feeder_sim.run.seed_threads import SeedThreads, seed_threads
 from feeder_sim.run.simulation import generators
-from feeder_sim.run.work import available_cores
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.single_thread import single_threaded
-
-AHEAD = 3  # ensembles per core that are prepared before they are run
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,36 +82,11 @@ def measure_drift(
         InputError: a scenario cannot be built, or has a schedule.
     """
     check_type(scenarios, Iterable, "a list of scenarios", "measure_drift")
-    stop = stop or threading.Event()
-    cores = available_cores() if workers is None else check_whole(workers, "workers")
-    completed: list[Ensemble] = []
-    running: deque[_RunningEnsemble] = deque()
-
-    def collect_first() -> None:
-        if ensemble := running[0].result(stop):
-            running.popleft()
-            completed.append(ensemble)
-            if progress:
-                progress(len(completed))
-
-    with ThreadPoolExecutor(cores) as pool:
-        try:
-            for scenario in scenarios:
-                prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
-                check_drifting(prepared)
-                if not completed and not running:
-                    compile_engine(prepared)
-                running.append(_RunningEnsemble(prepared, pool, stop))
-                while len(running) > AHEAD * cores and not stop.is_set():
-                    collect_first()
-                if stop.is_set():
-                    break
-            while running and not stop.is_set():
-                collect_first()
-        finally:
-            for ensemble in running:  # stopped, or an error: what is left ends where it is
-                ensemble.give_up()
-    return completed
+    work = Work(workers, stop=stop or threading.Event())
+    with seed_threads(work) as pool:
+        ensembles = _Ensembles(scenarios, pool, progress)
+        run_tasks(pool.workers, ensembles, _run_seed, work)
+    return ensembles.completed
 
 
 def check_drifting(prepared: Prepared) -> None:
@@ -127,37 +99,85 @@ def check_drifting(prepared: Prepared) -> None:
         raise InputError("is given, must be none where drifts are measured", key="schedule")
 
 
-class _RunningEnsemble:
-    """The seeds of a scenario in the hands of threads."""
+@dataclass(frozen=True)
+class _SeedEnd:
+    """How a seed ended, the time that it reached [s], and its drift."""
 
-    def __init__(self, prepared: Prepared, pool: ThreadPoolExecutor, stop: threading.Event) -> None:
-        self._prepared, self._read, self._stop = prepared, SeedReader(Drift(), prepared), stop
-        seeds = prepared.scenario.run.seeds
-        self._interrupts = [new_interrupt() for _ in range(seeds)]
-        random = generators(prepared.scene)
-        self._seeds = [pool.submit(self._run, index, random[index]) for index in range(seeds)]
+    status: Status
+    reached: float
+    drift: SeedDrift | None
 
-    def _run(self, index: int, rng: np.random.Generator) -> tuple[Status, float, SeedDrift | None]:
-        """How a seed ended, when, and its drift."""
-        run = SeedRun(self._prepared, index, interrupt=self._interrupts[index])
-        seed = run.run(rng, np.zeros(index + 1), self._stop)
-        return seed.status, seed.reached or 0.0, self._read(seed)
 
-    def give_up(self) -> None:
-        """End what is under way, and start nothing more."""
-        self._stop.set()
-        for interrupt in self._interrupts:
-            interrupt[ENDED] = 1
-        for seed in self._seeds:
-            seed.cancel()
+class _EnsembleRun:
+    """An ensemble under way.
 
-    def result(self, stop: threading.Event) -> Ensemble | None:
-        """Wait for the seeds; None if that is to stop before."""
-        while wait(self._seeds, timeout=0.1).not_done:
-            if stop.is_set():
-                return None
-        status, reached, drifts = zip(*(seed.result() for seed in self._seeds), strict=True)
-        if Status.UNFINISHED in status:
+    Args:
+        prepared: what is run.
+        pool: runs its seeds, and reads their drifts.
+    """
+
+    def __init__(self, prepared: Prepared, pool: SeedThreads) -> None:
+        self._prepared, self._pool, self._read = prepared, pool, SeedReader(Drift(), prepared)
+        self._random = generators(prepared.scene)
+        self.ends: dict[int, _SeedEnd] = {}
+
+    def run(self, index: int) -> _SeedEnd:
+        """Run a seed."""
+        seed = self._pool.run(self._prepared, index, self._random[index], np.zeros(index + 1))
+        return _SeedEnd(seed.status, seed.reached or 0.0, self._read(seed))
+
+    def result(self) -> Ensemble | None:
+        """The ensemble; None while a seed has not ended."""
+        ends = [end for _, end in sorted(self.ends.items()) if end.status != Status.UNFINISHED]
+        if len(ends) < self._prepared.scenario.run.seeds:
             return None
-        findings = Drift().findings(self._prepared, [drift for drift in drifts if drift is not None])
-        return Ensemble(self._prepared, findings, status, float(sum(reached)))
+        findings = Drift().findings(self._prepared, [end.drift for end in ends if end.drift is not None])
+        return Ensemble(self._prepared, findings, tuple(end.status for end in ends), sum(end.reached for end in ends))
+
+
+class _Ensembles:
+    """The seeds of many scenarios as tasks; a scenario is prepared when its first seed is handed out.
+
+    Attributes:
+        completed: ensembles that have ended, up to the first that has not.
+    """
+
+    def __init__(
+        self, scenarios: Iterable[Scenario | Prepared], pool: SeedThreads, progress: Callable[[int], None] | None
+    ) -> None:
+        self.completed: list[Ensemble] = []
+        self._under_way: deque[_EnsembleRun] = deque()
+        self._seeds = self._all_seeds(scenarios, pool)
+        self._progress = progress
+
+    def _all_seeds(
+        self, scenarios: Iterable[Scenario | Prepared], pool: SeedThreads
+    ) -> Iterator[tuple[_EnsembleRun, int]]:
+        for number, scenario in enumerate(scenarios):
+            prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
+            check_drifting(prepared)
+            if number == 0:
+                compile_engine(prepared)
+            self._under_way.append(ensemble := _EnsembleRun(prepared, pool))
+            yield from ((ensemble, index) for index in range(prepared.scenario.run.seeds))
+
+    def next(self) -> tuple[tuple[_EnsembleRun, int], tuple[_EnsembleRun, int]] | None:
+        return next(((seed, seed) for seed in self._seeds), None)
+
+    def take(self, place: tuple[_EnsembleRun, int], result: _SeedEnd) -> None:
+        ensemble, index = place
+        ensemble.ends[index] = result
+        while self._under_way and (completed := self._under_way[0].result()):
+            self._under_way.popleft()
+            self.completed.append(completed)
+            if self._progress:
+                self._progress(len(self.completed))
+
+    @property
+    def share_done(self) -> float:
+        return 0.0  # how many there are is not known
+
+
+def _run_seed(seed: tuple[_EnsembleRun, int]) -> _SeedEnd:
+    ensemble, index = seed
+    return ensemble.run(index)

@@ -8,12 +8,12 @@ from collections import OrderedDict
 import numpy as np
 
 from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.pool.work import STALL_AFTER_S
 from feeder_sim.records.seed import Seed
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.run.seed_run import SeedRun
-from feeder_sim.run.watchdog import STALL_AFTER_S
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.single_thread import single_threaded
@@ -32,7 +32,7 @@ def run_one_seed(prepared: Prepared, index: int, *, stall_after: float = STALL_A
 
 
 @single_threaded
-def run_seed_elsewhere(scenario: Scenario, identity: str, index: int, stall_after: float) -> Seed:
+def run_seed_elsewhere(scenario: Scenario, identity: str, index: int, *, stall_after: float) -> Seed:
     """Run one seed in a process that has been sent its scenario; arguments as for `prepared_once`.
 
     Raises:

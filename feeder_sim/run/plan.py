@@ -22,10 +22,10 @@ from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_shapes import RitzShape
 from feeder_sim.plate.sound import loudness
+from feeder_sim.pool.work import available_cores
 from feeder_sim.records.recording import DISPLAY_POINTS
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import recommendations
-from feeder_sim.run.work import available_cores
 from feeder_sim.scenario import PartSpec, input_files
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.prepared import Prepared

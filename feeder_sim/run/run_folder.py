@@ -16,6 +16,7 @@ import numpy as np
 from feeder_sim import __version__
 from feeder_sim.errors import InputError, cause_of, not_written, shortened
 from feeder_sim.measures.picking import has_picks, picks_csv
+from feeder_sim.pool.work import Work, silent
 from feeder_sim.records.files import INPUTS, LOCK, RUN, SCENE, SEEDS, locked
 from feeder_sim.records.recording import DISPLAY_POINTS, PartRecord, PlateRecord, Recording
 from feeder_sim.records.seed import Seed, Status
@@ -26,7 +27,6 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import check_libraries, input_hashes, library_versions
 from feeder_sim.run.recorded_run import RESOLVED, RecordedRun
 from feeder_sim.run.simulation import Result, check_starts, simulate
-from feeder_sim.run.work import Work, silent
 from feeder_sim.scenario import Scenario, input_files, load_scenario, parse_scenario, with_files
 from feeder_sim.scenario.rules import findings_of_level
 from feeder_sim.scene.prepared import Prepared

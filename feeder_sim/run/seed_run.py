@@ -14,6 +14,7 @@ from feeder_sim.engines.protocol import ENDED, Engine, engine_class, new_interru
 from feeder_sim.errors import Divergence, SimulationDiverged
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.stage_lines import StageLines, settled, stage_lines
+from feeder_sim.pool.work import STALL_AFTER_S
 from feeder_sim.records.seed import (
     ARRIVALS,
     REMOVALS,
@@ -29,7 +30,7 @@ from feeder_sim.records.seed import (
 )
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.guard import Guard
-from feeder_sim.run.watchdog import STALL_AFTER_S, Watchdog
+from feeder_sim.run.watchdog import Watchdog
 from feeder_sim.scenario import Pick
 from feeder_sim.scene.cell import PASSAGE_TO
 from feeder_sim.scene.prepared import Prepared

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
-import math
-import queue
+import functools
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.document.words import split_unit
-from feeder_sim.engines.protocol import ENDED, new_interrupt
-from feeder_sim.errors import FeederSimError, SimulationDiverged
+from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures.catalogue import Measured, measures_of
 from feeder_sim.measures.protocol import Measure, as_json, labelled
+from feeder_sim.pool.pool import run_tasks
+from feeder_sim.pool.work import Work
+from feeder_sim.pool.workers import Workers
 from feeder_sim.records.seed import Counts, Seed, Status, endings
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.compilation import announced, compilation_announced, compile_engine
@@ -27,15 +26,13 @@ from feeder_sim.run.one_seed import run_seed_elsewhere
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.run.seed_run import SeedRun
-from feeder_sim.run.work import Work
+from feeder_sim.run.seed_threads import seed_threads
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
 from feeder_sim.single_thread import single_threaded
 
-GRACE_S = 0.3  # [s] from the wish to stop until blocks under way are given up
-PROGRESS_S = 0.1  # [s] between two looks at the progress
 LOOKING = "looking for places"
 
 
@@ -162,7 +159,7 @@ def simulate(
         record: what to keep of each seed in memory.
         work: by default threads, one for each core: the engines' inner loops run outside Python. Of an executor each
             seed comes back whole.
-        save: takes every seed, by its index, as it ends, in the thread that ran it; returns what stands for it.
+        save: takes every seed, by its index, as it ends; returns what stands for it.
         ended: seeds, by their index, that are not run: what there is of them stands.
         wall_s_before: wall time [s] that the ensemble has taken before.
 
@@ -172,74 +169,58 @@ def simulate(
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     run, keeper = prepared.scenario.run, Keeper(prepared, record)
-    work, ended = work or Work(), ended or {}
-    stop, executor = work.stop, work.executor
-    lost: tuple[type[BaseException], ...] = (BrokenExecutor, *work.lost)
+    work = work or Work()
     random = generators(prepared.scene)
-    fractions = np.zeros(run.seeds)
-    identity = identity_of(prepared.scenario) if executor else ""
-    if not executor:
-        with compilation_announced(prepared.engine.method, work.notify):  # before the threads need it
+    with compilation_announced(prepared.engine.method, work.notify):  # before the threads need it
+        if not work.executor:
             compile_engine(prepared)
     started = time.perf_counter()
-    interrupts, stop_requested = [new_interrupt() for _ in range(run.seeds)], math.inf  # when somebody asked to stop
-    threads = max(1, work.n_workers // run.seeds)  # for one seed, where there are fewer seeds than cores
+    seeds = _Seeds(run.seeds, lambda index, seed: keeper(save(index, seed) if save else seed), ended or {})
+    if work.executor:
+        workers = Workers(work.executor, work.n_workers, lost=work.lost)
+        identity = identity_of(prepared.scenario)
+        call = functools.partial(run_seed_elsewhere, prepared.scenario, identity, stall_after=work.stall_after)
+        run_tasks(workers, seeds, call, work)
+    else:
+        threads = max(1, work.n_workers // run.seeds)  # for one seed, where there are fewer seeds than cores
+        with seed_threads(work) as pool:
 
-    def of_executor(index: int) -> Seed | None:
-        """A seed that is run elsewhere; None if it was stopped."""
-        assert executor is not None
-        try:
-            future = executor.submit(run_seed_elsewhere, prepared.scenario, identity, index, work.stall_after)
-            while not stop.is_set():
-                if wait([future], PROGRESS_S).done:
-                    return future.result()
-        except lost as error:
-            raise FeederSimError(f"workers end before their seed has ({type(error).__name__}) {error}") from error
-        future.cancel()
-        return None
+            def run_seed(index: int) -> Seed:
+                return pool.run(prepared, index, random[index], seeds.fractions, threads)
 
-    def run_seed(index: int) -> Seed | None:
-        if seed := ended.get(index):
-            fractions[index] = 1.0
-            return keeper(seed)
-        if index > 0 and stop.is_set():
-            return None  # of a seed that has not begun there is nothing; the first stands for the others
-        if not executor or (seed := of_executor(index)) is None:
-            seed_run = SeedRun(
-                prepared, index, threads=threads, interrupt=interrupts[index], stall_after=work.stall_after
-            )
-            seed = seed_run.run(random[index], fractions, stop)
-        fractions[index] = 1.0
-        return keeper(save(index, seed) if save else seed)
-
-    def end_all() -> None:
-        for interrupt in interrupts:
-            interrupt[ENDED] = 1
-
-    finished: queue.SimpleQueue[Future[Seed | None]] = queue.SimpleQueue()  # to wait for all would look at each of them
-    with ThreadPoolExecutor(work.n_workers) as pool:
-        try:
-            futures = [pool.submit(run_seed, index) for index in range(run.seeds)]
-            for future in futures:
-                future.add_done_callback(finished.put)
-            remaining, last_report = len(futures), -math.inf
-            while remaining:
-                with contextlib.suppress(queue.Empty):
-                    finished.get(timeout=PROGRESS_S).result()  # an error ends the whole ensemble at once
-                    remaining -= 1
-                if stop.is_set():
-                    stop_requested = min(stop_requested, time.perf_counter())
-                    if time.perf_counter() - stop_requested > GRACE_S:
-                        end_all()
-                if not remaining or time.perf_counter() - last_report > PROGRESS_S:
-                    work.progress(float(fractions.mean()))
-                    last_report = time.perf_counter()
-        except BaseException:
-            stop.set()
-            end_all()
-            raise
-    results = tuple(seed for seed in (future.result() for future in futures) if seed is not None)
+            run_tasks(pool.workers, seeds, run_seed, work)
+    if 0 not in seeds.completed:  # stopped before; the first stands for the others
+        seeds.take(0, SeedRun(prepared, 0).run(random[0], seeds.fractions, work.stop))
+    results = tuple(seed for _, seed in sorted(seeds.completed.items()))
     return Result(prepared, results, wall_s_before + time.perf_counter() - started)
+
+
+class _Seeds:
+    """The seeds of an ensemble by their indices, as tasks.
+
+    Args:
+        number: of all seeds.
+        retained: what of a seed, by its index, is kept.
+        ended: seeds that are not run.
+    """
+
+    def __init__(self, number: int, retained: Callable[[int, Seed], Seed], ended: Mapping[int, Seed]) -> None:
+        self._remaining = iter([index for index in range(number) if index not in ended])
+        self._retained = retained
+        self.completed: dict[int, Seed] = {}
+        self.fractions = np.zeros(number)
+        self.fractions[list(ended)] = 1.0
+
+    def next(self) -> tuple[int, int] | None:
+        return next(((index, index) for index in self._remaining), None)
+
+    def take(self, place: int, result: Seed) -> None:
+        self.fractions[place] = 1.0
+        self.completed[place] = self._retained(place, result)
+
+    @property
+    def share_done(self) -> float:
+        return float(self.fractions.mean())
 
 
 def check_starts(scene: Scene, work: Work) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.protocol import ENDED, WHOLE
+from feeder_sim.pool.work import STALL_AFTER_S
 
-STALL_AFTER_S = 60.0  # [s] of wall time for a frame; the slowest scenario takes less than one
 STALLED = 2  # what interrupts an engine: not the wish to stop
 CHECKS = 10  # in the time that is allowed
 

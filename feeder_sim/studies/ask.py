@@ -10,10 +10,10 @@ from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO, WorkFolder, usual_folder
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import FOREIGN, Runner
-from feeder_sim.jobs.workers import workers_of
 from feeder_sim.measures.function import identity_of_measures
 from feeder_sim.measures.protocol import Measure
-from feeder_sim.run.work import Work
+from feeder_sim.pool.work import Work
+from feeder_sim.pool.workers import workers_of
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.chart.chart import ChartQuestion
 from feeder_sim.studies.question import Question

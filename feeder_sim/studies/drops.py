@@ -30,8 +30,8 @@ from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import InputError, Interrupted
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import NONE, StablePose, stable_poses
+from feeder_sim.pool.work import Work
 from feeder_sim.run.compilation import compilation_announced, in_daemon_thread
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Ball, Contact, RigidPlate, Run, Scenario
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded

@@ -13,8 +13,8 @@ from letter import letter_path, letter_scenario, steer
 from prediction import GradientDrift
 
 import feeder_sim
+from feeder_sim.pool.work import Work
 from feeder_sim.run.run_folder import record_run, resume_run
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 
 MODES = REPOSITORY / "models" / "plate_180" / "modes.h5"

@@ -14,12 +14,12 @@ from feeder_sim.engines.protocol import engine_class
 from feeder_sim.errors import Divergence
 from feeder_sim.measures.picking import picks_of
 from feeder_sim.part.stable_poses import stable_poses
+from feeder_sim.pool.work import Work
 from feeder_sim.records.seed import ARRIVALS, Cause, Status, no_events, parts_removed
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import Result, simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.refill import refill, refill_frames

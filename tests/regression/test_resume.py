@@ -38,7 +38,7 @@ from feeder_sim.scene.scene import build_scene
 WALL_TIMES = ("wall_s", "real_time_factor", "wall_s_per_simulated_s_one_core")
 # One seed after the other, so that a kill finds one that has ended and one that has not.
 ONE_CORE = (
-    "import feeder_sim.run.work as w; w.available_cores = lambda: 1; from feeder_sim.cli.main import main; main()"
+    "import feeder_sim.pool.work as w; w.available_cores = lambda: 1; from feeder_sim.cli.main import main; main()"
 )
 
 

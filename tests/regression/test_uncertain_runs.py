@@ -16,10 +16,10 @@ from command_line import check_refused, feeder_sim
 from conftest import BALL_ON_SLIDE, toml_of
 
 from feeder_sim.document.figure import empty_figure
-from feeder_sim.jobs import workers
-from feeder_sim.jobs.workers import Workers, workers_of
 from feeder_sim.plots.uncertainty import draw_values
-from feeder_sim.run.work import Work
+from feeder_sim.pool import workers
+from feeder_sim.pool.work import Work
+from feeder_sim.pool.workers import Workers, workers_of
 from feeder_sim.studies.uncertainty.spread import spread_of
 from feeder_sim.studies.uncertainty.uncertainty import Uncertainty, UncertaintyQuestion
 

@@ -24,6 +24,7 @@ from feeder_sim.errors import InputError, RecordingFailed
 from feeder_sim.part.stable_poses import PoseTable
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
+from feeder_sim.pool.work import Work
 from feeder_sim.records.files import LOCK, RUN, SCENE, SEEDS
 from feeder_sim.records.recording import PartRecord, PlateRecord, Recording
 from feeder_sim.records.seed import Seed, Status, impacts_of
@@ -34,7 +35,6 @@ from feeder_sim.replay.viewer import displayed_time, replay_file
 from feeder_sim.run import provenance, run_folder
 from feeder_sim.run.provenance import library_versions
 from feeder_sim.run.run_folder import SUMMARY, record_run, resume_run, scenario_toml
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 
 BLOCK = 130  # frames

@@ -21,13 +21,13 @@ from feeder_sim.engines.protocol import ENDED, engine_class, new_interrupt
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.modes import plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.pool.work import Work
 from feeder_sim.records.seed import Status
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.plan import plan_run
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.run.state_check import DEPTH
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 

@@ -16,13 +16,13 @@ import feeder_sim
 from feeder_sim.engines.impulse.free_part.engine import FreePartEngine
 from feeder_sim.engines.protocol import ENDED, WHOLE, engine_class, new_interrupt
 from feeder_sim.errors import Divergence, InputError
+from feeder_sim.pool.work import Work
 from feeder_sim.records.seed import LAST_FRAMES, LastStates, Seed, Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import simulate
 from feeder_sim.run.watchdog import STALLED, Watchdog
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import HexNut, Scenario, Start, load_scenario, with_run
 
 

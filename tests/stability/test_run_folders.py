@@ -27,6 +27,7 @@ from conftest import BALL_ON_SLIDE, REPOSITORY, StopsAfter, ball_on_slide, toml_
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
+from feeder_sim.pool.work import Work
 from feeder_sim.records.files import LOCK, locked
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory_file import export_recording, read_recording
@@ -34,7 +35,6 @@ from feeder_sim.replay import viewer
 from feeder_sim.replay.replay import build_replay
 from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import carry_files, record_run, resume_run
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import MeshPart, ModePlate, Scenario, load_scenario, with_run
 from feeder_sim.whole_files import write_whole
 

@@ -23,7 +23,7 @@ from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.solids import ball, cylinder, hex_nut
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plots.poses import ELEVATION_DEG, draw_pose
-from feeder_sim.run.work import Work
+from feeder_sim.pool.work import Work
 from feeder_sim.scenario import Contact
 from feeder_sim.studies.drops import DropStudy, drop
 

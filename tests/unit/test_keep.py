@@ -15,13 +15,13 @@ import feeder_sim
 from feeder_sim import AllFrames, EveryNth, ImpactsOnly, Result, StatisticsOnly
 from feeder_sim.errors import InputError
 from feeder_sim.measures.catalogue import names_of_measures, values_of_seed
+from feeder_sim.pool.work import Work
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.keep import Retention
 from feeder_sim.run.run_folder import PICKS, record_run
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import (
     Drive,
     HexNut,

@@ -9,11 +9,11 @@ import pytest
 from conftest import strip_scenario
 
 from feeder_sim.engines.impulse.free_part.engine import FreePartEngine
+from feeder_sim.pool.work import Work
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run import seed_run
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work
 
 
 def positions(frames: Frames) -> bytes:

@@ -23,6 +23,7 @@ from feeder_sim.document.words import key_words, number, split_unit, with_error
 from feeder_sim.errors import Divergence, FeederSimError, SimulationDiverged
 from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.plots.intervals import draw_over_time
+from feeder_sim.pool.work import Work
 from feeder_sim.records.files import locked
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.report import run_pictures
@@ -31,7 +32,6 @@ from feeder_sim.report.measure_tables import interval_text, measure_blocks
 from feeder_sim.report.run_report import run_document
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.uncertain import Uncertain
 

@@ -23,9 +23,9 @@ from feeder_sim.api.progress import displayed
 from feeder_sim.errors import InputError
 from feeder_sim.measures import catalogue
 from feeder_sim.measures.protocol import FindingsBase
+from feeder_sim.pool.work import Work
 from feeder_sim.run.recorded_run import RecordedRun
 from feeder_sim.run.run_folder import SUMMARY, scenario_toml
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import HexNut, ModePlate, Scenario, Start
 
 

@@ -19,8 +19,8 @@ from speeds import AMPLITUDE, FRICTION, OVER, SEARCH, speed_of, values_of
 
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues
-from feeder_sim.jobs.workers import workers_of
-from feeder_sim.run.work import Work
+from feeder_sim.pool.work import Work
+from feeder_sim.pool.workers import workers_of
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
 from feeder_sim.studies.search.proposals import LOG, RANDOM_TRIALS, Proposals, Sampler

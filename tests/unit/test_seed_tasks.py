@@ -21,7 +21,7 @@ from feeder_sim import sweep
 from feeder_sim.errors import FeederSimError
 from feeder_sim.jobs.runner import Runner
 from feeder_sim.jobs.task import SeedValues, Task, run_task, warnings_over
-from feeder_sim.jobs.workers import Workers
+from feeder_sim.pool.workers import Workers
 from feeder_sim.records.seed import Seed
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Contact
@@ -138,7 +138,10 @@ def test_a_stopped_run_elsewhere_is_interrupted() -> None:
 
 
 def test_workers_that_end_are_told_in_one_line() -> None:
-    with Broken(1) as pool, pytest.raises(FeederSimError, match="workers end before their seed has"):
+    with (
+        Broken(1) as pool,
+        pytest.raises(FeederSimError, match="workers end before their task is done: BrokenExecutor a worker has ended"),
+    ):
         feeder_sim.simulate(strip_scenario(duration_s=0.05), executor=pool)
 
 

@@ -16,11 +16,11 @@ from pretended import Pretended, asked
 from speeds import MAP, of_map
 
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.workers import workers_of
 from feeder_sim.measures.statistic import LARGEST_OF_MANY
+from feeder_sim.pool.work import Work
+from feeder_sim.pool.workers import workers_of
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, Start, load_scenario
 from feeder_sim.studies.speed_map import (
     MapPoint,

@@ -18,11 +18,11 @@ from feeder_sim.measures.protocol import as_json
 from feeder_sim.measures.stage_lines import settled, stage_lines
 from feeder_sim.plate import compiled
 from feeder_sim.plate.drive import ModalDrive, ModalTerms, modal_terms
+from feeder_sim.pool.work import Work
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import (
     Drive,
     Excitation,

@@ -19,10 +19,10 @@ from swept import AMPLITUDE, Pretended, over, plan_of
 from feeder_sim.document.figure import empty_figure
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues
-from feeder_sim.jobs.workers import workers_of
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plots.sweep import draw_line
-from feeder_sim.run.work import Work
+from feeder_sim.pool.work import Work
+from feeder_sim.pool.workers import workers_of
 from feeder_sim.scenario import load_scenario
 from feeder_sim.studies.study import csv_bytes
 from feeder_sim.studies.sweep.cases import Case, Effort

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from feeder_sim import InputError
-from feeder_sim.jobs.workers import local_workers, on_cluster
-from feeder_sim.run.work import Work
+from feeder_sim.pool.work import Work
+from feeder_sim.pool.workers import local_workers, on_cluster
 
 UNGUARDED = """
 import feeder_sim

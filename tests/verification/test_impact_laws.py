@@ -29,8 +29,8 @@ from feeder_sim.plate.zener import (
     point_impedance,
     restitution,
 )
+from feeder_sim.pool.work import Work
 from feeder_sim.run.run_folder import record_run
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Ball, Contact, Drive, ModePlate, RigidPlate, Run, Scenario, Start, Strip
 from feeder_sim.scene.part import zener_inelasticities
 from feeder_sim.scene.scene import Scene, build_scene

@@ -15,9 +15,9 @@ from test_reaction import BALL, NUT, PLATE, on_plate
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_shapes import RitzShape
+from feeder_sim.pool.work import Work
 from feeder_sim.records.seed import Status
 from feeder_sim.run.run_folder import record_run, resume_run
-from feeder_sim.run.work import Work
 from feeder_sim.scenario import Scenario, with_run
 from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.scene import build_scene

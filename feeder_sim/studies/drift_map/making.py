@@ -15,10 +15,10 @@ from feeder_sim.errors import InputError, Interrupted
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.pool.work import Work, silent
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.provenance import content_text
 from feeder_sim.run.simulation import simulate
-from feeder_sim.run.work import Work, silent
 from feeder_sim.scenario import (
     BendingPlate,
     CustomMaterial,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from feeder_sim.errors import InputError, MissingExtra, quoted
-from feeder_sim.run.work import Work, available_cores
+from feeder_sim.pool.work import Work, available_cores
 
 CLUSTER_WAIT_S = 30.0  # [s] until a scheduler has to have answered
 LAST_PORT = 65535
@@ -29,12 +29,14 @@ class Workers:
         count: how many tasks run at once.
         restart: another executor in place of one that is broken; None where there is no other.
         lost: errors by which it says that a task is lost for good.
+        interrupt: ends the tasks under way, which come back as far as they are; None where nothing can.
     """
 
     executor: Executor
     count: int
     restart: Callable[[], Executor] | None = None
     lost: tuple[type[BaseException], ...] = (CancelledError,)
+    interrupt: Callable[[], None] | None = None
 
 
 @contextmanager
