@@ -175,7 +175,8 @@ def simulate(
         if not work.executor:
             compile_engine(prepared)
     started = time.perf_counter()
-    seeds = _Seeds(run.seeds, lambda index, seed: keeper(save(index, seed) if save else seed), ended or {})
+    completed = {index: keeper(seed) for index, seed in (ended or {}).items()}
+    seeds = _Seeds(run.seeds, completed, lambda index, seed: keeper(save(index, seed) if save else seed))
     if work.executor:
         workers = Workers(work.executor, work.n_workers, lost=work.lost)
         identity = identity_of(prepared.scenario)
@@ -200,16 +201,15 @@ class _Seeds:
 
     Args:
         number: of all seeds.
+        completed: takes what is retained; seeds that are in it are not run.
         retained: what of a seed, by its index, is kept.
-        ended: seeds that are not run.
     """
 
-    def __init__(self, number: int, retained: Callable[[int, Seed], Seed], ended: Mapping[int, Seed]) -> None:
-        self._remaining = iter([index for index in range(number) if index not in ended])
-        self._retained = retained
-        self.completed: dict[int, Seed] = {}
+    def __init__(self, number: int, completed: dict[int, Seed], retained: Callable[[int, Seed], Seed]) -> None:
+        self._remaining = iter([index for index in range(number) if index not in completed])
+        self.completed, self._retained = completed, retained
         self.fractions = np.zeros(number)
-        self.fractions[list(ended)] = 1.0
+        self.fractions[list(completed)] = 1.0
 
     def next(self) -> tuple[int, int] | None:
         return next(((index, index) for index in self._remaining), None)
