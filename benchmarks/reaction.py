@@ -24,10 +24,11 @@ from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.pool.work import Work
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.simulation import generators, simulate
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.start import generator
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 LOOK_S = 0.01
@@ -89,7 +90,8 @@ def amplitudes(scenario: Scenario, until: float = math.inf) -> None:
     stages = prepared.scene.times.stages
     fallen: list[list[float]] = [[] for _ in stages]
     taken = np.zeros((scenario.run.seeds, len(stages)))
-    for seed, rng in enumerate(generators(prepared.scene)):
+    for seed in range(prepared.scenario.run.seeds):
+        rng = generator(prepared.scene, seed)
         engine = ReactingEngine(prepared.scene, rng)
         energy = 0.0
         for number, stage in enumerate(stages):

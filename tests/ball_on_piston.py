@@ -10,10 +10,10 @@ import numpy as np
 from small_noise_slide import Heights, mean_height
 
 from feeder_sim.engines.protocol import engine_class
-from feeder_sim.run.simulation import generators
 from feeder_sim.scenario import Ball, Contact, Drive, RigidPlate, Run, Scenario, Start
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.scene import build_scene
+from feeder_sim.scene.start import generator
 
 RADIUS = 1.5e-3  # [m]
 # Frames a second over the frequency: no whole ratio, so that frames see the piston at 40 phases.
@@ -82,7 +82,7 @@ def engine_heights(case: Case, *, duration: float, seeds: int) -> tuple[Heights,
     """Mean heights after a tenth of the time [m], and processor time per simulated second."""
     asked = scenario(case, duration, seeds)
     scene, means, spent = build_scene(asked), [], 0.0
-    for rng in generators(scene):
+    for rng in (generator(scene, seed) for seed in range(scene.scenario.run.seeds)):
         engine = engine_class(choose_engine(asked))(scene, rng)
         began, left, skip, total = time.process_time(), scene.n_frames - 1, scene.n_frames // 10, 0.0
         engine.advance(skip)

@@ -216,7 +216,7 @@ def each_seed_stops_after(looks: int) -> Iterator[None]:
     """Runs within it are stopped once every seed has looked so many times, whichever seed has its turn first."""
     run = SeedRun.run
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(SeedRun, "run", lambda seed, rng, done, stop: run(seed, rng, done, StopsAfter(looks)))
+        patch.setattr(SeedRun, "run", lambda seed, stop: run(seed, StopsAfter(looks)))
         yield
 
 

@@ -20,10 +20,10 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.protocol import engine_class
 from feeder_sim.records.seed import Counts
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.run.simulation import generators
 from feeder_sim.scenario import Contact, Scenario
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.scene import Scene, build_scene
+from feeder_sim.scene.start import generator
 
 Floats = NDArray[np.float64]
 DEEPEST = 1e-7  # [m] that a body may be found inside another
@@ -45,7 +45,7 @@ def recorded(scenario: Scenario, scene: Scene | None = None) -> tuple[Scene, lis
 def counted(scenario: Scenario, scene: Scene) -> list[tuple[Frames, Counts]]:
     """The frames of every seed as `recorded`, and what its engine has counted."""
     kind = engine_class(choose_engine(scenario))
-    engines = [kind(scene, rng) for rng in generators(scene)]
+    engines = [kind(scene, rng) for rng in (generator(scene, seed) for seed in range(scene.scenario.run.seeds))]
     return [
         (Frames.joined([engine.current(), *_blocks(engine, scene.n_frames - 1)]), engine.counts) for engine in engines
     ]

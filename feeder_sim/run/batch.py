@@ -10,8 +10,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from feeder_sim.errors import InputError, check_type
 from feeder_sim.measures.drift import Drift, DriftFindings, SeedDrift
 from feeder_sim.measures.protocol import SeedReader
@@ -22,7 +20,6 @@ from feeder_sim.records.seed import Status, endings
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.seed_threads import SeedThreads, seed_threads
-from feeder_sim.run.simulation import generators
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.single_thread import single_threaded
@@ -118,18 +115,19 @@ class _EnsembleRun:
 
     def __init__(self, prepared: Prepared, pool: SeedThreads) -> None:
         self._prepared, self._pool, self._read = prepared, pool, SeedReader(Drift(), prepared)
-        self._random = generators(prepared.scene)
         self.ends: dict[int, _SeedEnd] = {}
 
     def run(self, index: int) -> _SeedEnd:
         """Run a seed."""
-        seed = self._pool.run(self._prepared, index, self._random[index], np.zeros(index + 1))
+        seed = self._pool.run(self._prepared, index)
         return _SeedEnd(seed.status, seed.reached or 0.0, self._read(seed))
 
     def result(self) -> Ensemble | None:
         """The ensemble; None while a seed has not ended."""
-        ends = [end for _, end in sorted(self.ends.items()) if end.status != Status.UNFINISHED]
-        if len(ends) < self._prepared.scenario.run.seeds:
+        if len(self.ends) < self._prepared.scenario.run.seeds:
+            return None
+        ends = [end for _, end in sorted(self.ends.items())]
+        if any(end.status == Status.UNFINISHED for end in ends):
             return None
         findings = Drift().findings(self._prepared, [end.drift for end in ends if end.drift is not None])
         return Ensemble(self._prepared, findings, tuple(end.status for end in ends), sum(end.reached for end in ends))

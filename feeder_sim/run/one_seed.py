@@ -5,8 +5,6 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 
-import numpy as np
-
 from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.pool.work import STALL_AFTER_S
 from feeder_sim.records.seed import Seed
@@ -26,9 +24,7 @@ _compiled: set[str] = set()  # methods of engines, in this process
 
 def run_one_seed(prepared: Prepared, index: int, *, stall_after: float = STALL_AFTER_S) -> Seed:
     """Run one seed on one thread; the bits are those of the same seed of `simulate`."""
-    sequence = np.random.SeedSequence(prepared.scenario.run.seed, spawn_key=(index,))  # as `spawn` gives it
-    run_of = SeedRun(prepared, index, stall_after=stall_after)
-    return run_of.run(np.random.default_rng(sequence), np.zeros(index + 1), threading.Event())
+    return SeedRun(prepared, index, stall_after=stall_after).run(threading.Event())
 
 
 @single_threaded

@@ -13,7 +13,6 @@ from feeder_sim.measures.stage_lines import stage_lines
 from feeder_sim.records.seed import Cause, Events, Seed, Status, removed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.seed_run import SeedRun, arrived
-from feeder_sim.run.simulation import generators
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import fill_in
 from feeder_sim.scene.scene import Scene
@@ -34,10 +33,10 @@ class OpenRun(SeedRun):
     def __init__(self, prepared: Prepared, *, threads: int = 1) -> None:
         super().__init__(replace(prepared, scene=prepared.scene.up_to_stage(0)), 0, threads=threads)
         self._prepared, self._stages_started = prepared, 0
-        self._progress, self._never = np.zeros(1), threading.Event()
+        self._never = threading.Event()
         self._wall_s, self._refills = 0.0, 0
         self.status = Status.UNFINISHED
-        self._open(generators(prepared.scene)[0])
+        self._open()
 
     def widen(self, prepared: Prepared) -> None:
         """Let more stages be chosen, whose drives move no other modes, and none faster."""
@@ -62,7 +61,7 @@ class OpenRun(SeedRun):
             while self._stages_started < len(scene.times.stages) and self.status == Status.UNFINISHED:
                 self._begin_stage()
                 while self._history.n_frames < self._scene.n_frames and self.status == Status.UNFINISHED:
-                    block = self._advance(self._progress, self._never)
+                    block = self._advance(self._never)
                     assert block is not None  # nobody stops it
                     self.status = block.status
                     if block.failure is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from feeder_sim.engines.protocol import ENDED, Engine, engine_class, new_interru
 from feeder_sim.errors import Divergence, SimulationDiverged
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.stage_lines import StageLines, settled, stage_lines
-from feeder_sim.pool.work import STALL_AFTER_S
+from feeder_sim.pool.work import STALL_AFTER_S, silent
 from feeder_sim.records.seed import (
     ARRIVALS,
     REMOVALS,
@@ -116,6 +116,7 @@ class SeedRun:
         prepared: what is run.
         index: number of the seed.
         threads: that one seed may use.
+        progress: called with the fraction that is done.
         interrupt: as for `Engine`, of this seed alone.
         stall_after: wall time [s] after which a seed that has not advanced by a frame ends as failed.
     """
@@ -126,10 +127,11 @@ class SeedRun:
         index: int,
         *,
         threads: int = 1,
+        progress: Callable[[float], None] = silent,
         interrupt: NDArray[np.int64] | None = None,
         stall_after: float = STALL_AFTER_S,
     ) -> None:
-        self._prepared, self._index, self._threads = prepared, index, threads
+        self._prepared, self._index, self._threads, self._progress = prepared, index, threads, progress
         self._interrupt = new_interrupt() if interrupt is None else interrupt
         self._watchdog = Watchdog(self._interrupt, stall_after)
         self._full_scene: Scene = prepared.scene  # with the times at which stages have ended so far
@@ -141,29 +143,27 @@ class SeedRun:
         self._last: LastStates | None = None
         self._piece = FIRST_PIECE
 
-    def run(self, rng: np.random.Generator, fractions: NDArray[np.float64], stop: threading.Event) -> Seed:
+    def run(self, stop: threading.Event) -> Seed:
         """Advance until time is up, the stop rule holds, no part is left, or the state is not valid.
 
         Args:
-            rng: draws the start.
-            fractions: done, one entry per seed, for the progress bar.
             stop: ends the run after the block under way.
         """
         started = time.perf_counter()
-        self._open(rng)
+        self._open()
         status, failure = Status.UNFINISHED, None
         with self._watchdog:
             while status == Status.UNFINISHED and not stop.is_set():
-                block = self._advance(fractions, stop)
+                block = self._advance(stop)
                 if block is None:
                     break
                 status, failure = block.status, block.failure
-                fractions[self._index] = self._history.n_frames / self._full_scene.n_frames
-        fractions[self._index] = 1.0
+                self._progress(self._history.n_frames / self._full_scene.n_frames)
         return self._close(status, failure, time.perf_counter() - started)
 
-    def _open(self, rng: np.random.Generator) -> None:
+    def _open(self) -> None:
         """Start the engine at t = 0."""
+        rng = generator(self._scene, self._index)
         start = engine_class(self._prepared.engine)
         self._engine: Engine = start(self._scene, rng, threads=self._threads, interrupt=self._interrupt)
         self._first = self._engine.current()
@@ -175,11 +175,11 @@ class SeedRun:
         seed, counts = self._history.to_seed(), self._engine.counts
         return replace(seed, status=status, wall_s=wall_s, failure=failure, last=self._last, counts=counts)
 
-    def _advance(self, fractions: NDArray[np.float64], stop: threading.Event) -> Seed | None:
+    def _advance(self, stop: threading.Event) -> Seed | None:
         """One block, step by step; None if it was stopped, and then there is no other."""
         if self._history.n_frames >= self._scene.n_frames:
             self._begin_stage()
-        computed = self._compute(fractions, stop)
+        computed = self._compute(stop)
         if computed is None:
             return None
         frames, failure = self._valid(*computed)
@@ -203,9 +203,7 @@ class SeedRun:
         self._engine.redrive(self._scene)
         self._guard.redrive(self._scene)
 
-    def _compute(
-        self, fractions: NDArray[np.float64], stop: threading.Event
-    ) -> tuple[Frames, SimulationDiverged | None] | None:
+    def _compute(self, stop: threading.Event) -> tuple[Frames, SimulationDiverged | None] | None:
         """Compute a block in pieces that take about `PIECE_S` each, so that slow ones show progress and can be stopped.
 
         Pieces change nothing: what acts on the parts does so between blocks. Returns the frames, fewer where the next
@@ -226,7 +224,7 @@ class SeedRun:
                 return None
             computed += piece
             elapsed = time.perf_counter() - started
-            fractions[self._index] = (self._history.n_frames + computed) / self._full_scene.n_frames
+            self._progress((self._history.n_frames + computed) / self._full_scene.n_frames)
             self._piece = max(1, int(piece * min(GROWTH, PIECE_S / max(elapsed, 1e-9))))
             piece = min(size - computed, self._piece)
         return (Frames.joined(pieces) if len(pieces) > 1 else pieces[0]), None

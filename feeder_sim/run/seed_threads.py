@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.protocol import ENDED, new_interrupt
-from feeder_sim.pool.work import Work
+from feeder_sim.pool.work import Work, silent
 from feeder_sim.pool.workers import Workers
 from feeder_sim.records.seed import Seed
 from feeder_sim.run.seed_run import SeedRun
@@ -30,21 +30,17 @@ class SeedThreads:
         self._interrupts: dict[int, NDArray[np.int64]] = {}
 
     def run(
-        self,
-        prepared: Prepared,
-        index: int,
-        rng: np.random.Generator,
-        fractions: NDArray[np.float64],
-        threads: int = 1,
+        self, prepared: Prepared, index: int, *, threads: int = 1, progress: Callable[[float], None] = silent
     ) -> Seed:
-        """Run a seed; see `SeedRun`."""
+        """Run a seed; arguments as for `SeedRun`."""
         interrupt = new_interrupt()
         self._interrupts[id(interrupt)] = interrupt
         if self._interrupted:
             interrupt[ENDED] = 1
-        run = SeedRun(prepared, index, threads=threads, interrupt=interrupt, stall_after=self._work.stall_after)
+        stall_after = self._work.stall_after
+        run = SeedRun(prepared, index, threads=threads, progress=progress, interrupt=interrupt, stall_after=stall_after)
         try:
-            return run.run(rng, fractions, self._work.stop)
+            return run.run(self._work.stop)
         finally:
             del self._interrupts[id(interrupt)]
 

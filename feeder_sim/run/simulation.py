@@ -30,7 +30,7 @@ from feeder_sim.run.seed_threads import seed_threads
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
-from feeder_sim.scene.start import start_poses
+from feeder_sim.scene.start import generator, start_poses
 from feeder_sim.single_thread import single_threaded
 
 LOOKING = "looking for places"
@@ -170,7 +170,6 @@ def simulate(
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     run, keeper = prepared.scenario.run, Keeper(prepared, record)
     work = work or Work()
-    random = generators(prepared.scene)
     with compilation_announced(prepared.engine.method, work.notify):  # before the threads need it
         if not work.executor:
             compile_engine(prepared)
@@ -187,11 +186,12 @@ def simulate(
         with seed_threads(work) as pool:
 
             def run_seed(index: int) -> Seed:
-                return pool.run(prepared, index, random[index], seeds.fractions, threads)
+                progress = functools.partial(seeds.fractions.__setitem__, index)
+                return pool.run(prepared, index, threads=threads, progress=progress)
 
             run_tasks(pool.workers, seeds, run_seed, work)
     if 0 not in seeds.completed:  # stopped before; the first stands for the others
-        seeds.take(0, SeedRun(prepared, 0).run(random[0], seeds.fractions, work.stop))
+        seeds.take(0, SeedRun(prepared, 0).run(work.stop))
     results = tuple(seed for _, seed in sorted(seeds.completed.items()))
     return Result(prepared, results, wall_s_before + time.perf_counter() - started)
 
@@ -231,11 +231,5 @@ def check_starts(scene: Scene, work: Work) -> None:
     """
     seeds, parts = scene.scenario.run.seeds, len(scene.parts)
     with announced(f"{LOOKING} of {parts} parts in {seeds} seeds", work.notify):
-        for rng in generators(scene):
-            start_poses(scene, rng)
-
-
-def generators(scene: Scene) -> list[np.random.Generator]:
-    """The random numbers of every seed."""
-    run = scene.scenario.run
-    return [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(run.seeds)]
+        for index in range(seeds):
+            start_poses(scene, generator(scene, index))

@@ -49,9 +49,12 @@ def column(start: Heap, size: float, count: int, *, key: str) -> NDArray[np.floa
 # one may come only while one of its kind is not on the plate.
 
 
-def generator(scene: Scene, seed_index: int, cycle: int) -> np.random.Generator:
-    """Random numbers of the refill at the end of a cycle: its own, so that none before it have to be remembered."""
-    return np.random.default_rng(np.random.SeedSequence(scene.scenario.run.seed, spawn_key=(seed_index, cycle)))
+def generator(scene: Scene, seed: int, *cycle: int) -> np.random.Generator:
+    """Random numbers of a seed, by its index, as `SeedSequence.spawn` gives them.
+
+    The refill at the end of a cycle has its own, so that none before it have to be remembered.
+    """
+    return np.random.default_rng(np.random.SeedSequence(scene.scenario.run.seed, spawn_key=(seed, *cycle)))
 
 
 def next_parts(scene: Scene, free: NDArray[np.bool_], number: int, rng: np.random.Generator) -> NDArray[np.int64]:

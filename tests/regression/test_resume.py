@@ -119,8 +119,8 @@ def second_seed_stops(looks: int = 1) -> Iterator[None]:
     run = SeedRun.run
     with pytest.MonkeyPatch.context() as patch:
 
-        def stopped(self: SeedRun, rng: Any, done: Any, stop: Any) -> Any:
-            return run(self, rng, done, stop if self._index == 0 else StopsAfter(looks))
+        def stopped(self: SeedRun, stop: Any) -> Any:
+            return run(self, stop if self._index == 0 else StopsAfter(looks))
 
         patch.setattr(SeedRun, "run", stopped)
         yield
