@@ -88,7 +88,7 @@ def time_short(seeds: int) -> None:
         measure_drift([scenario])
     threads = (time.perf_counter() - began) / seeds
     began = time.perf_counter()
-    amplitudes = scenario.drive[0].amplitude_um * (1.0 + 1e-6 * np.arange(seeds // scenario.run.seeds))
+    amplitudes = AMPLITUDE_UM[0] * (1.0 + 1e-6 * np.arange(seeds // scenario.run.seeds))
     question = SweepQuestion.of(vary=(f"drive[0].amplitude_um={','.join(map(repr, amplitudes.tolist()))}",))
     ask(question, scenario, work=Work())
     processes = (time.perf_counter() - began) / seeds

@@ -10,6 +10,7 @@ from typing import Any, cast
 
 from feeder_sim.api.progress import Progress, displayed
 from feeder_sim.errors import check_type, path_of_user
+from feeder_sim.measures.effort import MOST_SEEDS
 from feeder_sim.measures.function import Function, as_measures
 from feeder_sim.measures.protocol import Measure
 from feeder_sim.pool.work import Work
@@ -21,7 +22,6 @@ from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
 from feeder_sim.studies.search.proposals import Sampler
 from feeder_sim.studies.speed_map import MapQuestion, SpeedMap
 from feeder_sim.studies.study import Study
-from feeder_sim.studies.sweep.cases import MOST_SEEDS
 from feeder_sim.studies.sweep.sweep import Sweep, SweepQuestion, axis_texts
 from feeder_sim.studies.uncertainty.uncertainty import Uncertainty, UncertaintyQuestion
 

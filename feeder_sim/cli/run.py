@@ -26,7 +26,7 @@ from feeder_sim.cli.files import (
     writable,
 )
 from feeder_sim.cli.report import as_lines, print_result
-from feeder_sim.cli.study import finish, print_study
+from feeder_sim.cli.study import finish, print_study, share_of
 from feeder_sim.cli.terminal import at_terminal
 from feeder_sim.errors import InputError, Interrupted, printable
 
@@ -52,11 +52,21 @@ def run(
     stall_after: StallAfter = None,
     workers: ThreadCount = None,
     dask: Dask = None,
+    measure: Annotated[str | None, typer.Option("--measure", help="Measure that --until-se looks at.")] = None,
+    until_se: Annotated[
+        str | None, typer.Option("--until-se", help="More seeds until the standard error is below, such as 3%.")
+    ] = None,
+    most_seeds: Annotated[
+        int, typer.Option("--most-seeds", min=8, max=10_000, help="Whatever --until-se asks for.")
+    ] = 1000,
     replay_too: WithReplay = False,
 ) -> None:
     """Simulate a scenario and record it."""
     given = _work(workers, stall_after)
     scenario = scenario_of(scenario_file, engine, seeds, seed, settings)
+    if (until_se is None) != (measure is None):
+        raise InputError("is given alone, must be with the other one of the two", key="--until-se, --measure")
+    share = None if until_se is None else share_of(until_se)
     with file_in_errors(scenario_file):
         from feeder_sim.run.run_folder import check_free, fresh_folder, record_run
 
@@ -67,8 +77,15 @@ def run(
             return
         folder = out or fresh_folder(scenario_file.stem)
         try:
-            with at_terminal(given, scenario.title or scenario_file.stem, dask) as work:
-                result = record_run(scenario, folder, replay=replay_too, work=work)
+            with options_in_errors(), at_terminal(given, scenario.title or scenario_file.stem, dask) as work:
+                if measure is None:
+                    result = record_run(scenario, folder, replay=replay_too, work=work)
+                else:
+                    from feeder_sim.measures.effort import Effort
+                    from feeder_sim.run.until import record_until
+
+                    effort = Effort(scenario.run.seeds, share, max(most_seeds, scenario.run.seeds), measure)
+                    result = record_until(scenario, folder, effort, replay=replay_too, work=work)
         except BaseException:
             if out is None:
                 with contextlib.suppress(OSError):  # it holds something
@@ -79,25 +96,28 @@ def run(
 
 def resume(
     folder: Annotated[Path, typer.Argument(help="Folder of a run or a study.", show_default=False)],
+    seeds: Annotated[int | None, typer.Option("--seeds", min=1, help="Of a run: go on to more seeds.")] = None,
     as_json: AsJson = False,
     stall_after: StallAfter = None,
     workers: ThreadCount = None,
     dask: Dask = None,
     replay_too: WithReplay = False,
 ) -> None:
-    """Go on with a run or a study that was interrupted or killed."""
+    """Go on with a run or a study that was interrupted or killed, or with more seeds of a run."""
     from feeder_sim.studies.ask import kind_of, resume_study
 
     given = _work(workers, stall_after)
     if kind_of(folder) is None:
         from feeder_sim.run.run_folder import resume_run
 
-        with at_terminal(given, str(folder), dask) as work:
-            result = resume_run(folder, replay=replay_too, work=work)
+        with options_in_errors(), at_terminal(given, str(folder), dask) as work:
+            result = resume_run(folder, seeds=seeds, replay=replay_too, work=work)
         _finish_run(result, folder, as_json)
         return
     if replay_too:
         raise InputError("is the folder of a study, which has no replay", file=folder, key="--replay")
+    if seeds is not None:
+        raise InputError("is the folder of a study, whose command with more seeds goes on", file=folder, key="--seeds")
     with options_in_errors(), at_terminal(given, str(folder), dask) as work:
         study = resume_study(folder, work)
     print_study(study, folder, as_json)

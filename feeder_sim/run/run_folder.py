@@ -27,7 +27,7 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import check_libraries, input_hashes, library_versions
 from feeder_sim.run.recorded_run import RESOLVED, RecordedRun
 from feeder_sim.run.simulation import Result, check_starts, simulate
-from feeder_sim.scenario import Scenario, input_files, load_scenario, parse_scenario, with_files
+from feeder_sim.scenario import Scenario, input_files, load_scenario, parse_scenario, with_files, with_run
 from feeder_sim.scenario.rules import findings_of_level
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
@@ -190,11 +190,20 @@ def _write_scene(folder: Path, prepared: Prepared, work: Work) -> None:
 
 
 @single_threaded
-def resume_run(folder: str | Path, *, replay: bool = True, work: Work | None = None) -> Result:
-    """Go on with a run that was interrupted or killed; arguments as for `record_run`.
+def resume_run(
+    folder: str | Path, *, seeds: int | None = None, replay: bool = True, work: Work | None = None
+) -> Result:
+    """Go on with a run that was interrupted or killed, or with more seeds.
 
     Seeds that have ended stay; the others run from their start. So the result is bit by bit what it would have been
-    without the break. That takes the same package, libraries and input files, which are compared.
+    without the break, or with so many seeds from the start. That takes the same package, libraries and input files,
+    which are compared.
+
+    Args:
+        folder: of the run.
+        seeds: how many there are to be, no fewer than before.
+        replay: as for `record_run`.
+        work: as for `record_run`.
 
     Raises:
         InputError: there is no run in the folder, it has ended, it was begun with something else, cannot be read, or is
@@ -211,13 +220,21 @@ def resume_run(folder: str | Path, *, replay: bool = True, work: Work | None = N
             _write_scene(folder, prepared, work)
             return _run_into(folder, prepared, {}, replay=replay, record=AllFrames(), work=work)
         run = RecordedRun.open(folder)
-        if Status.UNFINISHED not in run.recording.status and (folder / SUMMARY).exists():
+        number = len(run.recording.records)
+        if seeds is not None and seeds < number:
+            raise InputError(f"is {seeds}, must be at least the {number} of the run", argument="seeds")
+        more = seeds is not None and seeds > number
+        if not more and Status.UNFINISHED not in run.recording.status and (folder / SUMMARY).exists():
             raise InputError("has ended, there is nothing to resume", file=folder)
         check_libraries(run.recording.libraries, folder)
         run.check_inputs()
+        prepared = prepare(with_run(run.scenario, seeds=seeds)) if more else run.prepared
+        if more:
+            check_starts(prepared.scene, work)
+            _write_scene(folder, prepared, work)
         ended = {i: seed for i, seed in enumerate(run.recording.records) if seed.status != Status.UNFINISHED}
         before = run.recording.wall_s
-        return _run_into(folder, run.prepared, ended, before, replay=replay, record=AllFrames(), work=work)
+        return _run_into(folder, prepared, ended, before, replay=replay, record=AllFrames(), work=work)
 
 
 def _started_scenario(folder: Path) -> Scenario:

@@ -31,6 +31,7 @@ from feeder_sim.errors import InputError, NotAllowed
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Runner
 from feeder_sim.jobs.task import RepeatedWarning, SeedValues, Task
+from feeder_sim.measures.effort import Effort
 from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
 from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
@@ -41,7 +42,7 @@ from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Drive, Scenario, Start, Strip, resolve_material, with_run
 from feeder_sim.studies.question import Plan, Question
 from feeder_sim.studies.study import Record, Study, csv_bytes
-from feeder_sim.studies.sweep.cases import Case, Effort
+from feeder_sim.studies.sweep.cases import Case
 from feeder_sim.studies.sweep.design import read_axis
 
 if TYPE_CHECKING:

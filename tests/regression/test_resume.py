@@ -126,6 +126,36 @@ def second_seed_stops(looks: int = 1) -> Iterator[None]:
         yield
 
 
+def test_a_run_goes_on_to_more_seeds_as_if_it_had_begun_with_them(whole: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    record_run(nuts({"run.seeds": 1}), folder, replay=False)
+    result = resume_run(folder, seeds=2, replay=False)
+    assert len(result.seeds) == 2 and not result.interrupted
+    check_same(folder, whole)
+    with pytest.raises(InputError, match="has ended, there is nothing to resume"):
+        resume_run(folder, seeds=2)
+    check_refused(feeder_sim("resume", folder, "--seeds", "1"), "--seeds: is 1, must be at least the 2 of the run")
+
+
+def test_seeds_are_run_until_the_standard_error_is_small_enough(tmp_path: Path) -> None:
+    words: tuple[Any, ...] = ("run", "drift_8775hz", "--seeds", "4", "--until-se", "2%", "--json")
+    words += ("--measure", "transport_speed_mm_s", "--out")
+    summary = json.loads(feeder_sim(*words, tmp_path / "run").stdout)
+    speed = summary["transport_speed_mm_s"]
+    assert 8 < summary["seeds"] == speed["n"] < 100 and speed["se"] <= 0.02 * speed["mean"]
+    few = feeder_sim(*words, tmp_path / "few", "--most-seeds", "8")
+    assert json.loads(few.stdout)["seeds"] == 8 and "8 seeds, and not the standard error" in few.stderr
+    first, same = (read_recording(tmp_path / name).seeds[7] for name in ("run", "few"))
+    assert np.array_equal(first.position, same.position)
+
+
+def test_a_standard_error_needs_a_measure_that_there_is(tmp_path: Path) -> None:
+    words = ("run", "drift_8775hz", "--out", tmp_path / "run", "--until-se", "5%")
+    check_refused(feeder_sim(*words), "--until-se, --measure: is given alone, must be with the other one of the two")
+    check_refused(feeder_sim(*words, "--measure", "speed"), "--measure: is 'speed', must be transport_speed_mm_s")
+    assert not (tmp_path / "run").exists()
+
+
 @pytest.mark.parametrize("looks", [0, 1])
 def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_path: Path) -> None:
     """Seeds that have ended are kept: the second time nothing of them is computed."""

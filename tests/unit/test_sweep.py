@@ -19,13 +19,14 @@ from swept import AMPLITUDE, Pretended, over, plan_of
 from feeder_sim.document.figure import empty_figure
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues
+from feeder_sim.measures.effort import Effort
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plots.sweep import draw_line
 from feeder_sim.pool.work import Work
 from feeder_sim.pool.workers import workers_of
 from feeder_sim.scenario import load_scenario
 from feeder_sim.studies.study import csv_bytes
-from feeder_sim.studies.sweep.cases import Case, Effort
+from feeder_sim.studies.sweep.cases import Case
 from feeder_sim.studies.sweep.design import grid, read_axis, side_by_side, sobol_sample
 from feeder_sim.studies.sweep.sweep import SweepQuestion, axis_texts
 from feeder_sim.studies.sweep.table import COLUMNS, UNCERTAIN_COLUMNS, Row, as_parquet

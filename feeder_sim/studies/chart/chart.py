@@ -25,13 +25,14 @@ from feeder_sim.document.document import Table, Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import RepeatedWarning
+from feeder_sim.measures.effort import Effort
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.chart.settings import METHODS, MUJOCO, Setting, is_default, reference_of, settings_of
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Record, Study, csv_bytes
-from feeder_sim.studies.sweep.cases import Case, Cases, CasesPlan, Effort, check_measure
+from feeder_sim.studies.sweep.cases import Case, Cases, CasesPlan, check_measure
 from feeder_sim.studies.sweep.table import main_measure
 
 if TYPE_CHECKING:

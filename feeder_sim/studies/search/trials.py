@@ -10,10 +10,11 @@ import numpy as np
 
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues, Task
+from feeder_sim.measures.effort import Effort
 from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.changes import labels
-from feeder_sim.studies.sweep.cases import Case, Effort, check_measure
+from feeder_sim.studies.sweep.cases import Case, check_measure
 from feeder_sim.studies.sweep.design import Point
 
 MOST_SEEDS = 8  # of a trial where the scenario has more and nobody says how many

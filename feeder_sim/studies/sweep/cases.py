@@ -8,6 +8,7 @@ seeds of its own, the same at every point.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,7 +20,7 @@ from feeder_sim.errors import InputError, Unknown
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Runner
 from feeder_sim.jobs.task import RepeatedWarning, SeedValues, Task, warnings_over
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.effort import Effort
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.changes import labels
@@ -29,28 +30,6 @@ from feeder_sim.studies.sweep.table import Row, rows_of
 from feeder_sim.studies.uncertainty.spread import Draw
 
 # One scenario of a sweep: what its seeds have come to, and how many more the answer takes.
-
-FIRST_CHECK = 4  # seeds after which it is known whether anything happens at all
-FEWEST = 8  # values of which a standard error is believed: of two it is less than half the true one in 38 % of cases
-MOST_SEEDS = 1000  # of a case, where nobody says how many
-GROWTH = 2.0  # of the number of seeds from one look to the next, at most
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How many seeds are worth their time.
-
-    Attributes:
-        seeds: of every case; with `until_se` at first, and then no fewer than `FEWEST`.
-        until_se: more seeds are run until the standard error of the measure is below this share of its mean [1].
-        most_seeds: of a case with `until_se`, whatever the standard error is then.
-        measure: that `until_se` looks at.
-    """
-
-    seeds: int
-    until_se: float | None = None
-    most_seeds: int = MOST_SEEDS
-    measure: str = ""
 
 
 @dataclass
@@ -102,47 +81,14 @@ class Case:
         return max(self.requested_seeds(effort), self.retained)
 
     def requested_seeds(self, effort: Effort) -> int:
-        """How many seeds the effort asks for.
-
-        Where nothing happens, as no part arrives or every seed has the same value, the first few are enough.
-        """
+        """How many seeds the effort asks for."""
         if effort.until_se is None:
             return effort.seeds * self.times
-        requested = FIRST_CHECK
-        while all(seed in self.done for seed in self.seed_numbers(requested)):
-            more = self._next_check(requested, effort)
-            if more <= requested:
-                break
-            requested = more
-        return requested
-
-    def _next_check(self, now: int, effort: Effort) -> int:
-        """How many seeds should be there when so many are."""
-        assert effort.until_se is not None
-        statistic = Statistic.of(self.values(effort.measure, now))
-        if _nothing_happens(statistic, now):
-            return now
-        if now < max(effort.seeds, FEWEST):
-            return max(effort.seeds, FEWEST)
-        if self._is_sure(statistic, effort):
-            return now
-        most = int(min(GROWTH * now, effort.most_seeds))
-        aim = effort.until_se * abs(statistic.mean)
-        if statistic.n < FEWEST or aim == 0.0:
-            return most
-        return min(max(now + 1, math.ceil(now * min((statistic.se / aim) ** 2, GROWTH))), most)
-
-    def _is_sure(self, statistic: Statistic, effort: Effort) -> bool:
-        """Whether the standard error is as small as it should be, and of enough values to be believed."""
-        return statistic.n >= FEWEST and statistic.se <= (effort.until_se or 0.0) * abs(statistic.mean)
+        return effort.seeds_required(self._first_values(effort.measure))
 
     def falls_short(self, effort: Effort) -> bool:
         """Whether it has all seeds that it may have, and still a larger standard error than it should."""
-        if effort.until_se is None or not self.is_done(effort):
-            return False
-        count = self.target(effort)
-        statistic = Statistic.of(self.values(effort.measure, count))
-        return not _nothing_happens(statistic, count) and not self._is_sure(statistic, effort)
+        return self.is_done(effort) and effort.falls_short(self.values(effort.measure, self.target(effort)))
 
     def hand_out(self, effort: Effort, most: int) -> tuple[int, ...]:
         """Up to so many seeds that are to be run next."""
@@ -162,23 +108,20 @@ class Case:
 
     def keep_done(self) -> None:
         """Let those of its first seeds that are done count, however many are asked for."""
-        count = 0
-        while self.first + self.stride * count in self.done:
-            count += 1
-        self.retained = count
+        self.retained = len(self._first_values(""))
 
     def seeds(self, effort: Effort) -> list[SeedValues]:
         """The seeds that count, in order: those wanted, whatever else has been run before."""
         return [self.done[seed] for seed in self.seed_numbers(self.target(effort)) if seed in self.done]
 
+    def _first_values(self, measure: str) -> list[float]:
+        """What its first seeds have of a measure, up to the first one that is not done."""
+        numbers = itertools.takewhile(self.done.__contains__, itertools.count(self.first, self.stride))
+        return [self.done[seed].values.get(measure, math.nan) for seed in numbers]
+
     def values(self, measure: str, count: int) -> list[float]:
         """What the first so many seeds have of a measure; NaN where there is none."""
         return [self.done[s].values.get(measure, math.nan) for s in self.seed_numbers(count) if s in self.done]
-
-
-def _nothing_happens(statistic: Statistic, seeds: int) -> bool:
-    """Whether none of so many seeds has a value, or all have the same one."""
-    return not statistic.n or (statistic.n == seeds and statistic.sd == 0.0)
 
 
 def _varied(scenario: Scenario, point: Point, draw: Draw, file: Path) -> Scenario:

@@ -27,12 +27,13 @@ from feeder_sim.document.figure import Figure
 from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, NotAllowed, quoted
 from feeder_sim.jobs.task import RepeatedWarning
+from feeder_sim.measures.effort import FEWEST, FIRST_CHECK, MOST_SEEDS, Effort
 from feeder_sim.measures.statistic import LARGEST_OF_MANY
 from feeder_sim.notebook import cell, counted
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Record, Study, csv_bytes
-from feeder_sim.studies.sweep.cases import FEWEST, FIRST_CHECK, MOST_SEEDS, Cases, CasesPlan, Effort, check_measure
+from feeder_sim.studies.sweep.cases import Cases, CasesPlan, check_measure
 from feeder_sim.studies.sweep.design import Axis, Point, grid, read_axis, side_by_side, sobol_sample
 from feeder_sim.studies.sweep.table import (
     COLUMNS,

@@ -28,6 +28,7 @@ from feeder_sim.document.figure import Figure
 from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, Unknown
 from feeder_sim.jobs.task import RepeatedWarning, SeedValues, warnings_over
+from feeder_sim.measures.effort import Effort
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
@@ -35,7 +36,7 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.changes import labels
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Record, Study, csv_bytes
-from feeder_sim.studies.sweep.cases import Cases, CasesPlan, Effort
+from feeder_sim.studies.sweep.cases import Cases, CasesPlan
 from feeder_sim.studies.sweep.table import main_measure
 from feeder_sim.studies.uncertainty.indices import Index, saltelli_draws, sobol_indices
 from feeder_sim.studies.uncertainty.linear_shares import LinearShares, linear_shares
