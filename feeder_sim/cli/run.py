@@ -68,6 +68,7 @@ def run(
         raise InputError("is given alone, must be with the other one of the two", key="--until-se, --measure")
     share = None if until_se is None else share_of(until_se)
     with file_in_errors(scenario_file):
+        from feeder_sim.run.keep import StatisticsOnly
         from feeder_sim.run.run_folder import check_free, fresh_folder, record_run
 
         if out is not None:
@@ -79,7 +80,7 @@ def run(
         try:
             with options_in_errors(), at_terminal(given, scenario.title or scenario_file.stem, dask) as work:
                 if measure is None:
-                    result = record_run(scenario, folder, replay=replay_too, work=work)
+                    result = record_run(scenario, folder, replay=replay_too, record=StatisticsOnly(), work=work)
                 else:
                     from feeder_sim.measures.effort import Effort
                     from feeder_sim.run.until import record_until
@@ -108,10 +109,11 @@ def resume(
 
     given = _work(workers, stall_after)
     if kind_of(folder) is None:
+        from feeder_sim.run.keep import StatisticsOnly
         from feeder_sim.run.run_folder import resume_run
 
         with options_in_errors(), at_terminal(given, str(folder), dask) as work:
-            result = resume_run(folder, seeds=seeds, replay=replay_too, work=work)
+            result = resume_run(folder, seeds=seeds, replay=replay_too, record=StatisticsOnly(), work=work)
         _finish_run(result, folder, as_json)
         return
     if replay_too:

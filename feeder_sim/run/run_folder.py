@@ -191,7 +191,12 @@ def _write_scene(folder: Path, prepared: Prepared, work: Work) -> None:
 
 @single_threaded
 def resume_run(
-    folder: str | Path, *, seeds: int | None = None, replay: bool = True, work: Work | None = None
+    folder: str | Path,
+    *,
+    seeds: int | None = None,
+    replay: bool = True,
+    record: Retention = AllFrames(),  # noqa: B008
+    work: Work | None = None,
 ) -> Result:
     """Go on with a run that was interrupted or killed, or with more seeds.
 
@@ -203,6 +208,7 @@ def resume_run(
         folder: of the run.
         seeds: how many there are to be, no fewer than before.
         replay: as for `record_run`.
+        record: as for `record_run`.
         work: as for `record_run`.
 
     Raises:
@@ -218,7 +224,7 @@ def resume_run(
             prepared = prepare(_started_scenario(folder))
             check_starts(prepared.scene, work)
             _write_scene(folder, prepared, work)
-            return _run_into(folder, prepared, {}, replay=replay, record=AllFrames(), work=work)
+            return _run_into(folder, prepared, {}, replay=replay, record=record, work=work)
         run = RecordedRun.open(folder)
         number = len(run.recording.records)
         if seeds is not None and seeds < number:
@@ -234,7 +240,7 @@ def resume_run(
             _write_scene(folder, prepared, work)
         ended = {i: seed for i, seed in enumerate(run.recording.records) if seed.status != Status.UNFINISHED}
         before = run.recording.wall_s
-        return _run_into(folder, prepared, ended, before, replay=replay, record=AllFrames(), work=work)
+        return _run_into(folder, prepared, ended, before, replay=replay, record=record, work=work)
 
 
 def _started_scenario(folder: Path) -> Scenario:

@@ -10,6 +10,7 @@ from feeder_sim.measures.catalogue import names_of_measures, values_of_seed
 from feeder_sim.measures.effort import Effort
 from feeder_sim.pool.work import Work
 from feeder_sim.replay.replay import REPLAY, build_replay
+from feeder_sim.run.keep import StatisticsOnly
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.run.simulation import Result
@@ -31,7 +32,7 @@ def record_until(scenario: Scenario, folder: Path, effort: Effort, *, replay: bo
     """
     if effort.measure not in (names := names_of_measures(prepare(scenario))):
         raise Unknown(effort.measure, names, argument="measure")
-    result = record_run(scenario, folder, replay=False, work=work)
+    result = record_run(scenario, folder, replay=False, record=StatisticsOnly(), work=work)
     while not result.interrupted:
         values = [values_of_seed(result.prepared, seed).get(effort.measure, math.nan) for seed in result.seeds]
         required = effort.seeds_required(values)
@@ -39,7 +40,7 @@ def record_until(scenario: Scenario, folder: Path, effort: Effort, *, replay: bo
             if effort.falls_short(values):
                 work.notify(f"{len(values)} seeds, and not the standard error that is asked for")
             break
-        result = resume_run(folder, seeds=required, replay=False, work=work)
+        result = resume_run(folder, seeds=required, replay=False, record=StatisticsOnly(), work=work)
     if replay and not result.interrupted:
         build_replay(folder, folder / REPLAY)
     return result

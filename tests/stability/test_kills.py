@@ -15,7 +15,7 @@ import pytest
 from command_line import feeder_sim, in_new_process, said
 from golden_commands import GOLDEN, lasting
 
-KILLS = 5
+KILLS = 10  # of each command
 AMPLITUDE = "drive[0].amplitude_um"
 # Command, and the files that have to be the same at the end.
 COMMANDS = {
