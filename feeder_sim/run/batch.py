@@ -11,15 +11,15 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from feeder_sim.errors import InputError, check_type
-from feeder_sim.measures.drift import Drift, DriftFindings, SeedDrift
-from feeder_sim.measures.protocol import SeedReader
+from feeder_sim.measures.drift import Drift, DriftFindings
 from feeder_sim.notebook import block
 from feeder_sim.pool.pool import run_tasks
 from feeder_sim.pool.work import Work
-from feeder_sim.records.seed import Status, endings
+from feeder_sim.records.seed import Seed, Status, endings
 from feeder_sim.run.compilation import compile_engine
+from feeder_sim.run.keep import Keeper, StatisticsOnly
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.seed_threads import SeedThreads, seed_threads
+from feeder_sim.run.seed_threads import seed_threads
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.single_thread import single_threaded
@@ -80,9 +80,14 @@ def measure_drift(
     """
     check_type(scenarios, Iterable, "a list of scenarios", "measure_drift")
     work = Work(workers, stop=stop or threading.Event())
+    ensembles = _Ensembles(scenarios, progress)
     with seed_threads(work) as pool:
-        ensembles = _Ensembles(scenarios, pool, progress)
-        run_tasks(pool.workers, ensembles, _run_seed, work)
+
+        def run_seed(seed: _Place) -> Seed:
+            ensemble, index = seed
+            return ensemble.retained(pool.run(ensemble.prepared, index))
+
+        run_tasks(pool.workers, ensembles, run_seed, work)
     return ensembles.completed
 
 
@@ -96,41 +101,22 @@ def check_drifting(prepared: Prepared) -> None:
         raise InputError("is given, must be none where drifts are measured", key="schedule")
 
 
-@dataclass(frozen=True)
-class _SeedEnd:
-    """How a seed ended, the time that it reached [s], and its drift."""
-
-    status: Status
-    reached: float
-    drift: SeedDrift | None
-
-
 class _EnsembleRun:
-    """An ensemble under way.
+    """An ensemble under way, whose drifts are read by the threads that run its seeds."""
 
-    Args:
-        prepared: what is run.
-        pool: runs its seeds, and reads their drifts.
-    """
-
-    def __init__(self, prepared: Prepared, pool: SeedThreads) -> None:
-        self._prepared, self._pool, self._read = prepared, pool, SeedReader(Drift(), prepared)
-        self.ends: dict[int, _SeedEnd] = {}
-
-    def run(self, index: int) -> _SeedEnd:
-        """Run a seed."""
-        seed = self._pool.run(self._prepared, index)
-        return _SeedEnd(seed.status, seed.reached or 0.0, self._read(seed))
+    def __init__(self, prepared: Prepared) -> None:
+        self.prepared, self.retained = prepared, Keeper(prepared, StatisticsOnly(), [Drift()])
+        self.seeds: dict[int, Seed] = {}
 
     def result(self) -> Ensemble | None:
         """The ensemble; None while a seed has not ended."""
-        if len(self.ends) < self._prepared.scenario.run.seeds:
+        if len(self.seeds) < self.prepared.scenario.run.seeds:
             return None
-        ends = [end for _, end in sorted(self.ends.items())]
-        if any(end.status == Status.UNFINISHED for end in ends):
+        seeds = [seed for _, seed in sorted(self.seeds.items())]
+        status, reached = tuple(seed.status for seed in seeds), sum(seed.reached or 0.0 for seed in seeds)
+        if Status.UNFINISHED in status:
             return None
-        findings = Drift().findings(self._prepared, [end.drift for end in ends if end.drift is not None])
-        return Ensemble(self._prepared, findings, tuple(end.status for end in ends), sum(end.reached for end in ends))
+        return Ensemble(self.prepared, Drift().compute(self.prepared, seeds), status, reached)
 
 
 class _Ensembles:
@@ -140,42 +126,33 @@ class _Ensembles:
         completed: ensembles that have ended, up to the first that has not.
     """
 
-    def __init__(
-        self, scenarios: Iterable[Scenario | Prepared], pool: SeedThreads, progress: Callable[[int], None] | None
-    ) -> None:
+    share_done = 0.0  # how many there are is not known
+
+    def __init__(self, scenarios: Iterable[Scenario | Prepared], progress: Callable[[int], None] | None) -> None:
         self.completed: list[Ensemble] = []
         self._under_way: deque[_EnsembleRun] = deque()
-        self._seeds = self._all_seeds(scenarios, pool)
-        self._progress = progress
+        self._seeds, self._progress = self._all_seeds(scenarios), progress
 
-    def _all_seeds(
-        self, scenarios: Iterable[Scenario | Prepared], pool: SeedThreads
-    ) -> Iterator[tuple[_EnsembleRun, int]]:
+    def _all_seeds(self, scenarios: Iterable[Scenario | Prepared]) -> Iterator[tuple[_Place, _Place]]:
         for number, scenario in enumerate(scenarios):
             prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
             check_drifting(prepared)
             if number == 0:
                 compile_engine(prepared)
-            self._under_way.append(ensemble := _EnsembleRun(prepared, pool))
-            yield from ((ensemble, index) for index in range(prepared.scenario.run.seeds))
+            self._under_way.append(ensemble := _EnsembleRun(prepared))
+            yield from (((ensemble, index),) * 2 for index in range(prepared.scenario.run.seeds))
 
-    def next(self) -> tuple[tuple[_EnsembleRun, int], tuple[_EnsembleRun, int]] | None:
-        return next(((seed, seed) for seed in self._seeds), None)
+    def next(self) -> tuple[_Place, _Place] | None:
+        return next(self._seeds, None)
 
-    def take(self, place: tuple[_EnsembleRun, int], result: _SeedEnd) -> None:
+    def take(self, place: _Place, result: Seed) -> None:
         ensemble, index = place
-        ensemble.ends[index] = result
+        ensemble.seeds[index] = result
         while self._under_way and (completed := self._under_way[0].result()):
             self._under_way.popleft()
             self.completed.append(completed)
             if self._progress:
                 self._progress(len(self.completed))
 
-    @property
-    def share_done(self) -> float:
-        return 0.0  # how many there are is not known
 
-
-def _run_seed(seed: tuple[_EnsembleRun, int]) -> _SeedEnd:
-    ensemble, index = seed
-    return ensemble.run(index)
+_Place = tuple[_EnsembleRun, int]

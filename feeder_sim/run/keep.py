@@ -5,14 +5,14 @@ Whatever is kept, the measures read all frames of a seed first. So they come out
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from feeder_sim.errors import InputError, quoted
 from feeder_sim.measures.catalogue import measures_of
 from feeder_sim.measures.picking import has_picks, picks_of
-from feeder_sim.measures.protocol import SeedReader
+from feeder_sim.measures.protocol import Measure, SeedReader
 from feeder_sim.records.seed import IMPACTS, Seed, no_events
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.prepared import Prepared
@@ -71,15 +71,19 @@ class Keeper:
     Args:
         prepared: what is run.
         retention: what to keep.
+        measures: that read frames. Default: all that apply.
 
     Raises:
         InputError: as for `check_retention`.
     """
 
-    def __init__(self, prepared: Prepared, retention: Retention) -> None:
+    def __init__(
+        self, prepared: Prepared, retention: Retention, measures: Iterable[Measure[Any, Any]] | None = None
+    ) -> None:
         check_retention(prepared, retention)
         self._retention, self._prepared = retention, prepared
-        self._readers = {measure.name: SeedReader(measure, prepared) for measure in measures_of(prepared)}
+        measures = measures_of(prepared) if measures is None else measures
+        self._readers = {measure.name: SeedReader(measure, prepared) for measure in measures}
 
     def __call__(self, seed: Seed) -> Seed:
         """The seed with what is kept of it."""
