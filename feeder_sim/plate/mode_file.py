@@ -20,10 +20,10 @@ Layout, schema version 4 (SI units, named in the `unit` attribute of every datas
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,88 +43,61 @@ if TYPE_CHECKING:
     import h5py
 
 
-# The group /actuators of a mode file; its layout stands in feeder_sim.plate.mode_file.
+class Field(NamedTuple):
+    """A dataset of a mode file.
 
-FORCE = "actuators/force_per_volt"
-# name: (unit, numbers of each actuator, least, largest)
-FIELDS = {
-    "centre": ("m", 2, -1e3, 1e3),
-    "size": ("m", 2, 1e-9, 1e3),
-    "angle": ("rad", 0, -10.0, 10.0),
-    "thickness": ("m", 0, 1e-9, 1e3),
-    "side": ("1 above, -1 below the plate", 0, -1.0, 1.0),
-    "density": ("kg/m^3", 0, 1e-3, 1e6),
-    "youngs_modulus": ("Pa", 0, 1.0, 1e15),
-    "poisson_ratio": ("1", 0, 0.0, 0.5),
-    "moment_per_volt": ("N/V", 0, 0.0, 1e12),
-    "moment_spread": ("1", 0, 1.0, 1e3),
-    "capacitance": ("F", 0, 0.0, 1e3),
-    "loss_tangent": ("1", 0, 0.0, 1.0),
-}
-
-
-def write_actuators(file: Any, actuators: Sequence[Actuator], force_per_volt: NDArray[np.float64]) -> None:
-    """Write the actuators of a plate, and their modal forces [N/V], shape (n_modes, n_actuators)."""
-    rows = [
-        {
-            "centre": a.layer.centre,
-            "size": a.layer.size,
-            "angle": a.layer.angle,
-            "thickness": a.layer.thickness,
-            "side": float(a.layer.side),
-            "density": a.layer.material.density,
-            "youngs_modulus": a.layer.material.youngs_modulus,
-            "poisson_ratio": a.layer.material.poisson_ratio,
-            "moment_per_volt": a.moment_per_volt,
-            "moment_spread": a.moment_spread,
-            "capacitance": a.capacitance,
-            "loss_tangent": a.loss_tangent,
-        }
-        for a in actuators
-    ]
-    put_text(file.create_group("actuators").attrs, {"name": "\n".join(a.name for a in actuators)})
-    for name, (unit, width, _, _) in FIELDS.items():
-        shape = (len(rows), width) if width else (len(rows),)
-        put_array(file, f"actuators/{name}", np.array([row[name] for row in rows], float).reshape(shape), unit)
-    put_array(file, FORCE, force_per_volt, "N/V")
-
-
-def read_actuators(file: Any, path: Path) -> tuple[tuple[Actuator, ...], NDArray[np.float64]]:
-    """Read both back.
-
-    Raises:
-        InputError: something is missing, has another shape, or a number that is not allowed; `path` names the file.
+    Attributes:
+        unit: of its numbers.
+        axes: size of every axis, a number or a letter that stands for the same one everywhere: n modes, m resonances,
+            a actuators, q terms, k points, t triangles, p nodes.
+        least, largest: of its numbers.
+        kinds: of its numbers, as NumPy calls them.
+        unknown: whether NaN may stand for what is not known.
     """
-    text = get_text(file["actuators"].attrs, "name") if "actuators" in file else None
-    if text is None:
-        raise InputError("is missing, every mode file has it", file=path, key="actuators")
-    names = text.split("\n") if text else []
-    data = {}
-    for name_of, (_, width, least, largest) in FIELDS.items():
-        key, shape = f"actuators/{name_of}", (len(names), width) if width else (len(names),)
-        values = np.asarray(file[key][()]) if key in file else np.empty(0)
-        if values.dtype.kind != "f" or values.shape != shape:
-            raise InputError(f"has shape {values.shape}, must be numbers of shape {shape}", file=path, key=key)
-        if not ((values >= least) & (values <= largest)).all():
-            raise InputError(f"holds a number outside {least:g} to {largest:g}", file=path, key=key)
-        data[name_of] = values.tolist()
-    rows = [dict(zip(data, row, strict=True)) for row in zip(*data.values(), strict=True)]
-    force = np.asarray(file[FORCE][()]) if FORCE in file else np.empty(0)
-    if force.dtype.kind != "f" or force.ndim != 2 or not np.isfinite(force).all():
-        raise InputError("is missing or damaged, every mode file has it", file=path, key=FORCE)
-    return tuple(_actuator(name, row) for name, row in zip(names, rows, strict=True)), force
+
+    unit: str
+    axes: str
+    least: float
+    largest: float
+    kinds: str = "f"
+    unknown: bool = False
 
 
-def _actuator(name: str, row: dict[str, Any]) -> Actuator:
-    layer = Layer(
-        centre=tuple(row["centre"]),
-        size=tuple(row["size"]),
-        angle=row["angle"],
-        thickness=row["thickness"],
-        side=-1 if row["side"] < 0.0 else 1,
-        material=Material(row["density"], row["youngs_modulus"], row["poisson_ratio"]),
-    )
-    return Actuator(name, layer, row["moment_per_volt"], row["moment_spread"], row["capacitance"], row["loss_tangent"])
+WHOLE = "iu"
+DAMPING, FORCE = "modes/damping_ratio", "actuators/force_per_volt"
+FIELDS = {
+    "modes/natural_frequency": Field("Hz", "n", 1e-9, 1e12),
+    "modes/coefficients": Field("1, 1/m, 1/m", "n 3 q q", -1e12, 1e12),
+    "modes/parity": Field("1", "n 2", -1, 1, WHOLE),
+    "modes/modal_mass": Field("kg", "n", 1e-15, 1e9, unknown=True),
+    DAMPING: Field("1", "n", 1e-9, 1.0),
+    "mesh/point": Field("m", "k 2", -1e3, 1e3),
+    "mesh/triangle": Field("1", "t 3", 0, 1e9, WHOLE),
+    "mesh/node": Field("m", "p 2", -1e3, 1e3),
+    "mesh/field": Field("1, 1/m, 1/m", "n 3 p", -1e12, 1e12),
+    "resonances/mode": Field("0-based index", "m", 0, 1e9, WHOLE),
+    "resonances/frequency": Field("Hz", "m", 1e-9, 1e12),
+    "resonances/damping_ratio": Field("1", "m", 1e-9, 1.0, unknown=True),
+    "resonances/gain": Field("m/V peak to peak", "m", 0.0, 1.0, unknown=True),
+    "resonances/driven_point": Field("m", "m 2", -1e3, 1e3),
+    "resonances/driven_by": Field("1", "m a", 0, 1, WHOLE),
+    "actuators/centre": Field("m", "a 2", -1e3, 1e3),
+    "actuators/size": Field("m", "a 2", 1e-9, 1e3),
+    "actuators/angle": Field("rad", "a", -10.0, 10.0),
+    "actuators/thickness": Field("m", "a", 1e-9, 1e3),
+    "actuators/side": Field("1 above, -1 below the plate", "a", -1.0, 1.0),
+    "actuators/density": Field("kg/m^3", "a", 1e-3, 1e6),
+    "actuators/youngs_modulus": Field("Pa", "a", 1.0, 1e15),
+    "actuators/poisson_ratio": Field("1", "a", 0.0, 0.5),
+    "actuators/moment_per_volt": Field("N/V", "a", 0.0, 1e12),
+    "actuators/moment_spread": Field("1", "a", 1.0, 1e3),
+    "actuators/capacitance": Field("F", "a", 0.0, 1e3),
+    "actuators/loss_tangent": Field("1", "a", 0.0, 1.0),
+    FORCE: Field("N/V", "n a", -1e300, 1e300),
+}
+ACTUATOR_KEYS = [name.removeprefix("actuators/") for name in FIELDS if name.startswith("actuators/") and name != FORCE]
+_PLATE_KEYS = ("length", "width", "thickness", "density", "youngs_modulus", "poisson_ratio")
+_ORTHOTROPIC_KEYS = ("youngs_modulus_y", "shear_modulus")
 
 
 # The group /outline of a mode file, and of the plate in a recording: points, and the polygon each belongs to.
@@ -281,26 +254,37 @@ def _write(file: Any, mode_file: ModeFile) -> None:
     if material.youngs_modulus_y is not None and material.shear_modulus is not None:
         group.attrs.update(youngs_modulus_y=material.youngs_modulus_y, shear_modulus=material.shear_modulus)
     put_text(group.attrs, {"unit": "SI: m, kg/m^3, Pa"})
-    put_array(file, "modes/natural_frequency", modes.natural_frequency, "Hz")
-    put_array(file, "modes/coefficients", modes.coefficients, "1, 1/m, 1/m")
-    put_array(file, "modes/parity", modes.parity, "1")
-    put_array(file, "modes/modal_mass", modes.modal_mass, "kg")
+    values: dict[str, Any] = {
+        "modes/natural_frequency": modes.natural_frequency,
+        "modes/coefficients": modes.coefficients,
+        "modes/parity": modes.parity,
+        "modes/modal_mass": modes.modal_mass,
+    }
     if isinstance(modes, MeshModes):
-        mesh = {"point": modes.points, "triangle": modes.triangles, "node": modes.nodes, "field": modes.fields}
-        for name, values in mesh.items():
-            put_array(file, f"mesh/{name}", values, {"field": "1, 1/m, 1/m", "triangle": "1"}.get(name, "m"))
+        values |= {"mesh/point": modes.points, "mesh/triangle": modes.triangles}
+        values |= {"mesh/node": modes.nodes, "mesh/field": modes.fields}
     if mode_file.damping_ratio is not None:
-        put_array(file, DAMPING, mode_file.damping_ratio, "1")
-    put_array(file, "resonances/mode", np.array([r.mode for r in resonances], np.int64), "0-based index")
-    put_array(file, "resonances/frequency", np.array([r.frequency for r in resonances], float), "Hz")
-    put_array(file, "resonances/damping_ratio", np.array([r.damping_ratio for r in resonances], float), "1")
-    put_array(file, "resonances/gain", np.array([r.gain for r in resonances], float), "m/V peak to peak")
-    points = np.array([r.driven_point for r in resonances], float).reshape(-1, 2)
-    put_array(file, "resonances/driven_point", points, "m")
+        values[DAMPING] = mode_file.damping_ratio
     names = [actuator.name for actuator in mode_file.actuators]
-    driven = np.array([[name in r.actuators for name in names] for r in resonances], np.int64)
-    put_array(file, "resonances/driven_by", driven.reshape(len(resonances), len(names)), "1")
-    write_actuators(file, mode_file.actuators, mode_file.force_per_volt.reshape(len(modes), len(names)))
+    for key in ("mode", "frequency", "damping_ratio", "gain", "driven_point"):
+        values[f"resonances/{key}"] = [getattr(resonance, key) for resonance in resonances]
+    values["resonances/driven_by"] = [[name in resonance.actuators for name in names] for resonance in resonances]
+    for key in ACTUATOR_KEYS:
+        values[f"actuators/{key}"] = [_value_of(actuator, key) for actuator in mode_file.actuators]
+    values[FORCE] = mode_file.force_per_volt
+    put_text(file.create_group("actuators").attrs, {"name": "\n".join(names)})
+    sizes = {"n": len(modes), "m": len(resonances), "a": len(names)}
+    for name, numbers in values.items():
+        unit, axes, _, _, kinds, _ = FIELDS[name]
+        array = np.asarray(numbers, np.int64 if kinds == WHOLE else float)
+        if not array.size:  # what is empty has lost its axes
+            array = array.reshape([int(axis) if axis.isdigit() else sizes.get(axis, 0) for axis in axes.split()])
+        put_array(file, name, array, unit)
+
+
+def _value_of(actuator: Actuator, key: str) -> Any:
+    """What an actuator has of a field: itself, or its layer, or the material of that."""
+    return next(getattr(o, key) for o in (actuator, actuator.layer, actuator.layer.material) if hasattr(o, key))
 
 
 def read_mode_file(path: Path) -> ModeFile:
@@ -325,29 +309,18 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"], **orthotropic)
     plate = RectangularPlate(values["length"], values["width"], values["thickness"], material)
     on_mesh = "mesh" in file
-    needed = {name: name != DAMPING and (on_mesh or not name.startswith("mesh/")) for name in _DATASETS}
-    data = {name: _array(file, name, path) for name in _DATASETS if needed[name] or name in file}
-    actuators, force = read_actuators(file, path)
-    n, m = len(data["modes/natural_frequency"]), len(data["resonances/mode"])
-    coefficients = data["modes/coefficients"]
-    terms = coefficients.shape[-1]
-    shapes = {
-        "modes/coefficients": (n, 3, terms, terms),
-        "modes/parity": (n, 2),
-        "modes/modal_mass": (n,),
-        "resonances/driven_point": (m, 2),
-        "resonances/driven_by": (m, len(actuators)),
-        **{f"resonances/{name}": (m,) for name in ("frequency", "damping_ratio", "gain")},
-    }
-    if DAMPING in data:
-        shapes[DAMPING] = (n,)
-    if on_mesh:
-        nodes = len(data["mesh/node"])
-        shapes |= {"mesh/field": (n, 3, nodes), "mesh/node": (nodes, 2), "modes/coefficients": (n, 3, 0, 0)}
-        shapes |= {"mesh/point": (len(data["mesh/point"]), 2), "mesh/triangle": (len(data["mesh/triangle"]), 3)}
-    for name, shape in shapes.items():
-        if data[name].shape != shape:
-            raise InputError(f"has shape {data[name].shape}, must be {shape}", file=path, key=name)
+    text = get_text(file["actuators"].attrs, "name") if "actuators" in file else None
+    if text is None:
+        raise InputError("is missing, every mode file has it", file=path, key="actuators")
+    names = text.split("\n") if text else []
+    sizes = {"a": len(names)} | ({"q": 0} if on_mesh else {})  # modes on a mesh have no terms
+    present = {name: on_mesh if name.startswith("mesh/") else name != DAMPING or name in file for name in FIELDS}
+    data = {name: _array(file, name, sizes, path) for name in FIELDS if present[name]}
+    actuators = tuple(
+        _actuator(name, {key: data[f"actuators/{key}"][i].tolist() for key in ACTUATOR_KEYS})
+        for i, name in enumerate(names)
+    )
+    n, m, coefficients = sizes["n"], sizes["m"], data["modes/coefficients"]
     frequency = data["modes/natural_frequency"]
     if n == 0 or (np.diff(frequency) < -1e-3 * frequency[:-1]).any():
         raise InputError("must hold modes in ascending order", file=path, key="modes/natural_frequency")
@@ -376,19 +349,25 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
             nodes=data["mesh/node"],
             fields=data["mesh/field"],
         )
-    columns = [
-        data[f"resonances/{name}"].tolist() for name in ("mode", "frequency", "damping_ratio", "gain", "driven_point")
-    ]
-    columns.append(
-        [tuple(a.name for a, d in zip(actuators, row, strict=True) if d) for row in data["resonances/driven_by"]]
+    keys = ("mode", "frequency", "damping_ratio", "gain", "driven_point")
+    rows = zip(*(data[f"resonances/{key}"].tolist() for key in keys), data["resonances/driven_by"], strict=True)
+    resonances = tuple(
+        Resonance(mode, f, z, g, (p[0], p[1]), tuple(itertools.compress(names, driven)))
+        for mode, f, z, g, p, driven in rows
     )
-    rows = zip(*columns, strict=True)
-    resonances = tuple(Resonance(mode, f, z, g, (p[0], p[1]), names) for mode, f, z, g, p, names in rows)
-    if force.shape != (n, len(actuators)):
-        raise InputError(
-            f"has shape {force.shape}, must be {(n, len(actuators))}", file=path, key="actuators/force_per_volt"
-        )
-    return ModeFile(modes, resonances, actuators, force, _origin(file, path), data.get(DAMPING))
+    return ModeFile(modes, resonances, actuators, data[FORCE], _origin(file, path), data.get(DAMPING))
+
+
+def _actuator(name: str, row: dict[str, Any]) -> Actuator:
+    layer = Layer(
+        centre=tuple(row["centre"]),
+        size=tuple(row["size"]),
+        angle=row["angle"],
+        thickness=row["thickness"],
+        side=-1 if row["side"] < 0.0 else 1,
+        material=Material(row["density"], row["youngs_modulus"], row["poisson_ratio"]),
+    )
+    return Actuator(name, layer, row["moment_per_volt"], row["moment_spread"], row["capacitance"], row["loss_tangent"])
 
 
 def _checked_triangles(data: dict[str, NDArray[Any]], path: Path) -> NDArray[np.int64]:
@@ -418,29 +397,6 @@ def _origin(file: h5py.File, path: Path) -> Origin | None:
     return Origin(name, (float(shift[0]), float(shift[1])))
 
 
-_PLATE_KEYS = ("length", "width", "thickness", "density", "youngs_modulus", "poisson_ratio")
-DAMPING = "modes/damping_ratio"
-_ORTHOTROPIC_KEYS = ("youngs_modulus_y", "shear_modulus")
-# name: (kinds of NumPy dtype, number of dimensions, least, largest, whether NaN may stand for "unknown")
-_DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
-    "modes/natural_frequency": ("f", 1, 1e-9, 1e12, False),
-    "modes/coefficients": ("f", 4, -1e12, 1e12, False),
-    "modes/parity": ("iu", 2, -1, 1, False),
-    "modes/modal_mass": ("f", 1, 1e-15, 1e9, True),
-    DAMPING: ("f", 1, 1e-9, 1.0, False),
-    "mesh/point": ("f", 2, -1e3, 1e3, False),
-    "mesh/triangle": ("iu", 2, 0, 1e9, False),
-    "mesh/node": ("f", 2, -1e3, 1e3, False),
-    "mesh/field": ("f", 3, -1e12, 1e12, False),
-    "resonances/mode": ("iu", 1, 0, 1e9, False),
-    "resonances/frequency": ("f", 1, 1e-9, 1e12, False),
-    "resonances/damping_ratio": ("f", 1, 1e-9, 1.0, True),
-    "resonances/gain": ("f", 1, 0.0, 1.0, True),
-    "resonances/driven_point": ("f", 2, -1e3, 1e3, False),
-    "resonances/driven_by": ("iu", 2, 0, 1, False),
-}
-
-
 def _number(file: h5py.File, name: str, path: Path) -> float:
     """Read an attribute of /plate; refuse it unless it is a finite number above 0 (Poisson's ratio: 0 to 0.5)."""
     value: Any = file["plate"].attrs.get(name) if "plate" in file else None
@@ -452,17 +408,31 @@ def _number(file: h5py.File, name: str, path: Path) -> float:
     return float(value)
 
 
-def _array(file: h5py.File, name: str, path: Path) -> NDArray[Any]:
-    """Read a dataset; refuse it unless its kind, dimensions and range are those of `_DATASETS`."""
-    kinds, dimensions, least, largest, nan_allowed = _DATASETS[name]
+def _array(file: h5py.File, name: str, sizes: dict[str, int], path: Path) -> NDArray[Any]:
+    """Read a dataset; refuse it unless kind, shape and range are those of its field.
+
+    Args:
+        file: opened.
+        name: of the dataset.
+        sizes: of axes, by their letters; takes those that are not known yet.
+        path: of the file, for messages.
+    """
+    _, axes, least, largest, kinds, unknown = FIELDS[name]
     try:
         values = np.asarray(file[name][()])
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError("is missing or unreadable, every mode file has it", file=path, key=name) from error
-    if values.dtype.kind not in kinds or values.ndim != dimensions:
-        allowed = f"{dimensions}-dimensional array of {'whole ' if 'i' in kinds else ''}numbers"
+    letters = axes.split()
+    if values.dtype.kind not in kinds or values.ndim != len(letters):
+        allowed = f"{len(letters)}-dimensional array of {'whole ' if kinds == WHOLE else ''}numbers"
         raise InputError(f"is a {values.ndim}-dimensional {values.dtype}, must be a {allowed}", file=path, key=name)
+    shape = tuple(
+        int(letter) if letter.isdigit() else sizes.setdefault(letter, size)
+        for letter, size in zip(letters, values.shape, strict=True)
+    )
+    if values.shape != shape:
+        raise InputError(f"has shape {values.shape}, must be {shape}", file=path, key=name)
     valid = (values >= least) & (values <= largest)
-    if not (valid | np.isnan(values) if nan_allowed else valid).all():
+    if not (valid | np.isnan(values) if unknown else valid).all():
         raise InputError(f"holds a number outside {least:g} to {largest:g}", file=path, key=name)
     return values
