@@ -174,8 +174,12 @@ def built(row: Row) -> tuple[str, dict[str, Any], bytes]:
 
 
 def _without_place(_: Any, error: Any, arguments: Any, place: Any, function: Any) -> tuple[Any, Any, None]:
-    """What machine code knows of an error: not the file and the line, which differ from checkout to checkout."""
-    return error, arguments, None
+    """What machine code knows of an error: not the file and the line, which differ from checkout to checkout.
+
+    Numba has them in texts of its own, too, on a line behind the message.
+    """
+    texts = [text.partition('\nFile "')[0] if isinstance(text, str) else text for text in arguments or ()]
+    return error, tuple(texts) if texts else arguments, None
 
 
 def object_of(variant: jit.Variant) -> tuple[bytes, Kind]:

@@ -52,6 +52,13 @@ def started(names: list[str], tmp_path: Path, **more: str) -> str:
     return subprocess.run(command, env=env, capture_output=True, text=True, check=True, timeout=300).stdout.strip()
 
 
+def test_no_library_knows_where_it_was_built() -> None:
+    """It would come out as other bytes elsewhere."""
+    files = sorted(FOLDER.glob("*.so"))
+    assert files and [file.name for file in files if b'File "' in file.read_bytes() or b".py" in file.read_bytes()] == []
+
+
+
 @pytest.mark.slow
 def test_no_example_has_to_compile(tmp_path: Path) -> None:
     """Where this fails, compiled functions have changed: python -m feeder_sim.machine_code.build."""
