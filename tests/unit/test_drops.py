@@ -16,6 +16,7 @@ from command_line import check_refused, feeder_sim
 from conftest import REPOSITORY, refusal
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.part.mesh_part import mesh_part
@@ -25,7 +26,7 @@ from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plots.poses import ELEVATION_DEG, draw_pose
 from feeder_sim.pool.work import Work
 from feeder_sim.scenario import Contact
-from feeder_sim.studies.drops import DropStudy, drop
+from feeder_sim.studies.drops import DropStudy, Share, Throw, drop
 
 HOOK = REPOSITORY / "models/hook/hook.stl"
 
@@ -67,21 +68,73 @@ def test_a_slab_falls_flat_and_a_cube_has_one_pose() -> None:
 
 
 def test_standard_error_of_shares() -> None:
-    study = DropStudy(tall_nut(), "impulse", Contact(), np.array([0] * 90 + [NONE] * 10), np.zeros(100))
+    study = DropStudy(
+        tall_nut(),
+        "impulse",
+        Contact(),
+        Throw((0.0, 0.0)),
+        np.empty(0),
+        np.array([0] * 90 + [NONE] * 10),
+        np.zeros(100),
+    )
     flat, edge = study.shares
     assert flat.value == 0.9 and flat.standard_error == pytest.approx(0.03, rel=0.05)
     assert edge.value == 0.0 and edge.standard_error == pytest.approx(0.01, rel=0.05)
     assert study.other == 10
 
 
+def sides_up(study: DropStudy) -> NDArray[np.int64]:
+    """Which axis of the part points up most at the end, shape (drops,): 0 to 2, and 3 to 5 where it points down."""
+    up = Rotation.from_quat(study.attitude, scalar_first=True).inv().apply([0.0, 0.0, 1.0])
+    axis = np.abs(up).argmax(axis=1)
+    return axis + np.where(np.take_along_axis(up, axis[:, None], 1)[:, 0] < 0.0, 3, 0)
+
+
+def test_a_throw_at_rest_is_a_drop_and_threads_change_nothing() -> None:
+    part = tall_nut()
+    dropped = drop(part, 100)
+    assert (drop(part, 100, throw=Throw((part.longest,) * 2)).attitude == dropped.attitude).all()
+    one, two = (drop(part, 100, throw=Throw.of(part), work=Work(workers)) for workers in (1, 2))
+    assert (one.attitude == two.attitude).all() and (one.attitude != dropped.attitude).any()
+    assert one.other == one.moving == 0
+
+
+def test_a_thrown_cube_shows_all_sides_alike_and_a_nut_both() -> None:
+    """Symmetry: whatever the throw, no side is more likely than its like."""
+    cube = drop(box(3e-3, 3e-3, 3e-3), 1200, throw=Throw.of(box(3e-3, 3e-3, 3e-3)))
+    counts = np.bincount(sides_up(cube), minlength=6)
+    assert counts.sum() == 1200
+    assert np.abs(counts - 200).max() <= 2.0 * math.sqrt(1200 * 5 / 36)
+    thrown = drop(nut(), 400, throw=Throw.of(nut(), height=(5e-3, 30e-3)))
+    flat = np.bincount(sides_up(thrown), minlength=6)
+    assert flat[2] + flat[5] == thrown.shares[0].hits
+    assert abs(flat[2] - flat[5]) <= 2.0 * math.sqrt(flat[2] + flat[5])
+
+
+def test_tries_until_a_side_is_up() -> None:
+    """Wilson's interval of 20 of 100 is 0.1334 to 0.2888 (statsmodels.stats.proportion.proportion_confint)."""
+    tries = Share(stable_poses(tall_nut()).poses[0], 20, 100).tries
+    assert tries == pytest.approx((5.0, 1 / 0.28881, 1 / 0.13337), rel=1e-3)
+    never = Share(stable_poses(tall_nut()).poses[0], 0, 100).tries
+    assert never[0] == never[2] == math.inf and never[1] == pytest.approx(1 / 0.03699, rel=1e-3)
+
+
+@pytest.mark.parametrize("throw", [Throw((1.0, 0.5)), Throw((0.1, 0.1), speed=(-1.0, 1.0)), Throw((math.nan, 1.0))])
+def test_a_throw_that_cannot_be_is_refused(throw: Throw) -> None:
+    assert "must be 0 to" in refusal(drop, tall_nut(), 10, throw=throw)
+
+
 @pytest.mark.slow
+@pytest.mark.parametrize("throw", [None, Throw.of(tall_nut())], ids=["dropped", "thrown"])
 @pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_engines_agree_on_a_nut(friction: float) -> None:
+def test_engines_agree_on_a_nut(friction: float, throw: Throw | None) -> None:
     contact = Contact(friction=friction)
-    impulse, mujoco = (drop(tall_nut(), 400, contact=contact, engine=engine) for engine in ("impulse", "mujoco"))
+    impulse, mujoco = (
+        drop(tall_nut(), 400, throw=throw, contact=contact, engine=engine) for engine in ("impulse", "mujoco")
+    )
     together = math.hypot(impulse.shares[0].standard_error, mujoco.shares[0].standard_error)
     assert abs(impulse.shares[0].value - mujoco.shares[0].value) < 3.0 * together
-    if friction == 0.0:  # without it, most drops are alike one by one
+    if friction == 0.0 and throw is None:  # without it, most drops are alike one by one
         assert (impulse.pose == mujoco.pose).mean() > 0.9
 
 
@@ -114,6 +167,21 @@ def test_the_command_describes_a_part() -> None:
     assert [pose["name"] for pose in found["stable_poses"]] == ["A", "B", "C", "D"]
     assert sum(pose["share"] for pose in found["stable_poses"]) + found["drops"]["other_share"] == pytest.approx(1.0)
     assert found["drops"]["friction"] == 0.1 and found["drops"]["restitution"] == 0.2
+    assert found["throws"] is None
+
+
+def test_the_command_throws_a_part_and_says_which_shares_depend_on_it() -> None:
+    words = ("part", HOOK, "--drops", 100, "--throws", 100, "--throw-height-mm", "20:60", "--throw-speed-m-s", "1")
+    found = json.loads(feeder_sim(*words, "--json").stdout)
+    throws, poses = found["throws"], found["stable_poses"]
+    assert (throws["height_mm"], throws["speed_m_s"]) == (pytest.approx([20.0, 60.0]), [1.0, 1.0])
+    assert throws["spin_rad_s"] == pytest.approx([1e3 / 12.0] * 2, rel=0.3)  # of a part 12 mm long
+    assert sum(pose["thrown_share"] for pose in poses) + throws["other_share"] == pytest.approx(1.0)
+    for pose in poses:
+        mean, low, high = (tries or math.inf for tries in pose["thrown_tries"])
+        assert low < mean <= high and mean == pytest.approx(1.0 / pose["thrown_share"] if mean < math.inf else mean)
+    text = feeder_sim(*words).stdout
+    assert "shares that depend on how it falls: " in text and "thrown (%)" in text
 
 
 def test_the_command_cuts_a_part(tmp_path: Path) -> None:
@@ -139,6 +207,9 @@ def test_the_command_cuts_a_part(tmp_path: Path) -> None:
         ("--unit 1000", "hook.stl: is 1.2e+04 mm long with --unit = 1000, must be 0.1 to 300 mm"),
         ("--piece-error-mm 0.1", "--piece-error-mm: belongs to --pieces"),
         ("--picture poses.txt", "--picture: is '.txt', must be .png"),
+        ("--throws 9 --throw-spin-rad-s a:b", "--throw-spin-rad-s: is 'a:b', must be a number or LOW:HIGH"),
+        ("--throws 9 --throw-speed-m-s 3:1", "--throw-speed-m-s: is 3 to 1 m/s, must be 0 to 100 m/s, the least first"),
+        ("--throws 9 --throw-height-mm nan", "--throw-height-mm: is nan to nan m, must be 0 to 10 m"),
     ],
 )
 def test_bad_options(options: str, message: str) -> None:
