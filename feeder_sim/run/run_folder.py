@@ -221,26 +221,37 @@ def resume_run(
         raise InputError(f"no run here, must be a folder that holds {RUN}", file=folder)
     with locked(folder):
         if not (folder / SCENE).exists():
-            prepared = prepare(_started_scenario(folder))
+            prepared = prepare(_with_seeds(_started_scenario(folder), seeds))
             check_starts(prepared.scene, work)
             _write_scene(folder, prepared, work)
             return _run_into(folder, prepared, {}, replay=replay, record=record, work=work)
         run = RecordedRun.open(folder)
-        number = len(run.recording.records)
-        if seeds is not None and seeds < number:
-            raise InputError(f"is {seeds}, must be at least the {number} of the run", argument="seeds")
-        more = seeds is not None and seeds > number
+        scenario = _with_seeds(run.scenario, seeds)
+        more = scenario.run.seeds > run.scenario.run.seeds
         if not more and Status.UNFINISHED not in run.recording.status and (folder / SUMMARY).exists():
             raise InputError("has ended, there is nothing to resume", file=folder)
         check_libraries(run.recording.libraries, folder)
         run.check_inputs()
-        prepared = prepare(with_run(run.scenario, seeds=seeds)) if more else run.prepared
+        prepared = prepare(scenario) if more else run.prepared
         if more:
             check_starts(prepared.scene, work)
             _write_scene(folder, prepared, work)
         ended = {i: seed for i, seed in enumerate(run.recording.records) if seed.status != Status.UNFINISHED}
         before = run.recording.wall_s
         return _run_into(folder, prepared, ended, before, replay=replay, record=record, work=work)
+
+
+def _with_seeds(scenario: Scenario, seeds: int | None) -> Scenario:
+    """The scenario of a run with more seeds, if a number is given.
+
+    Raises:
+        InputError: it is one of fewer.
+    """
+    if seeds is None or seeds == scenario.run.seeds:
+        return scenario
+    if seeds < scenario.run.seeds:
+        raise InputError(f"is {seeds}, must be at least the {scenario.run.seeds} of the run", argument="seeds")
+    return with_run(scenario, seeds=seeds)
 
 
 def _started_scenario(folder: Path) -> Scenario:

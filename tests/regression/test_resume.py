@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -126,7 +127,7 @@ def second_seed_stops(looks: int = 1) -> Iterator[None]:
         yield
 
 
-def test_a_run_goes_on_to_more_seeds_as_if_it_had_begun_with_them(whole: Path, tmp_path: Path) -> None:
+def test_a_run_with_more_seeds_later_is_that_of_all_of_them(whole: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     record_run(nuts({"run.seeds": 1}), folder, replay=False)
     result = resume_run(folder, seeds=2, replay=False)
@@ -135,6 +136,9 @@ def test_a_run_goes_on_to_more_seeds_as_if_it_had_begun_with_them(whole: Path, t
     with pytest.raises(InputError, match="has ended, there is nothing to resume"):
         resume_run(folder, seeds=2)
     check_refused(feeder_sim("resume", folder, "--seeds", "1"), "--seeds: is 1, must be at least the 2 of the run")
+    (folder / "scene.h5").unlink()  # as a kill leaves it that comes before anything is recorded
+    shutil.rmtree(folder / "seeds")
+    assert len(resume_run(folder, seeds=3, replay=False).seeds) == 3
 
 
 def test_seeds_are_run_until_the_standard_error_is_small_enough(tmp_path: Path) -> None:
