@@ -1,6 +1,6 @@
-"""Drops of parts on a plate at rest: both engines against each other, and coins of all thicknesses.
+"""Drops of parts on a plate at rest: both engines against each other, coins of all thicknesses, and the cost of throws.
 
-    python benchmarks/drops.py --drops 2000 [--only smooth|friction|coins]
+    python benchmarks/drops.py --drops 2000 [--only smooth|friction|coins|throws]
 
 Shares of the stable poses of hexagon nuts, of a bracket and of a screw by both engines, from the same attitudes. They
 have to be within three joint standard errors of each other without friction (exit code 1 if not). With friction what is
@@ -10,6 +10,8 @@ Then the share of a cylinder on its side over height / diameter, for several res
 random attitude and does not bounce lies on its side in h / sqrt(h^2 + d^2) of all cases, in a third at h/d = 0.354 =
 1/sqrt(8) (Yong and Mahadevan, Am. J. Phys. 79 (2011) 1195, for a coin dropped without bouncing from a random attitude;
 1/sqrt(3) for one that spins fast). Coins that bounce fall on their side less often, and need to be thicker.
+
+Last what a thousand throws cost, without compilation: a cube, the nuts, the files, and a coin of corners.
 """
 
 from __future__ import annotations
@@ -21,12 +23,13 @@ import time
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 from feeder_sim.part.mesh_part import mesh_part
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.solids import cylinder, hex_nut
 from feeder_sim.scenario import Contact
-from feeder_sim.studies.drops import ENGINES, drop
+from feeder_sim.studies.drops import ENGINES, Throw, drop
 
 MODELS = Path(__file__).parents[1] / "models"
 STEEL = 7850.0
@@ -35,6 +38,7 @@ HEIGHTS = (0.3, 0.6, 0.9)  # of nuts, over their width across flats
 COINS = (0.2, 0.3, 0.354, 0.4, 0.5, 0.577, 0.7, 0.85)  # height over diameter
 RESTITUTIONS = (0.0, 0.2, 0.5)
 CORNER_ERROR = 50e-6
+THROWS = 1000
 
 
 def parts() -> dict[str, RigidPart]:
@@ -90,11 +94,36 @@ def coins(drops: int, seed: int) -> None:
         print(line, flush=True)
 
 
+def throws(seed: int) -> None:
+    """Print the wall time of a thousand throws of each part."""
+    print(f"\n{THROWS} throws    wall (s)  still moving")
+    for name, part in (parts() | solids()).items():
+        drop(part, 1, throw=Throw.of(part))
+        began = time.perf_counter()
+        study = drop(part, THROWS, throw=Throw.of(part), seed=seed)
+        print(f"{name:<14} {time.perf_counter() - began:>7.1f}  {study.moving:>12}", flush=True)
+
+
+def solids() -> dict[str, RigidPart]:
+    """A cube, and a coin of 32 corners around."""
+    shapes = {
+        "cube": trimesh.creation.box(extents=(ACROSS,) * 3),
+        "coin": trimesh.creation.cylinder(ACROSS, 1e-3, sections=32),
+    }
+    bodies = {}
+    for name, mesh in shapes.items():
+        mesh.density = STEEL
+        vertices = np.array(mesh.vertices)
+        inertia = np.diag(mesh.moment_inertia).copy()
+        bodies[name] = RigidPart(name, mesh.mass, inertia, vertices, 0.0, vertices, np.array(mesh.faces))
+    return bodies
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--drops", type=int, default=2000, help="of each part by each engine [2000]")
     parser.add_argument("--seed", type=int, default=0, help="of the attitudes [0]")
-    parser.add_argument("--only", choices=("smooth", "friction", "coins"), help="one of the three parts of it")
+    parser.add_argument("--only", choices=("smooth", "friction", "coins", "throws"), help="one part of it")
     options = parser.parse_args()
     agree = True
     if options.only in (None, "smooth"):
@@ -103,6 +132,8 @@ def main() -> int:
         compare_engines(options.drops, options.seed, friction=Contact().friction)
     if options.only in (None, "coins"):
         coins(options.drops, options.seed)
+    if options.only in (None, "throws"):
+        throws(options.seed)
     if not agree:
         print("the engines differ by more than three standard errors")
     return 0 if agree else 1

@@ -28,8 +28,9 @@ from feeder_sim.engines.impulse.window import Drive as MovingPlate
 from feeder_sim.engines.protocol import ENDED, new_interrupt
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import InputError, Interrupted
+from feeder_sim.part.barriers import Barriers
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.part.stable_poses import NONE, StablePose, stable_poses
+from feeder_sim.part.stable_poses import NONE, StablePose, downward, stable_poses
 from feeder_sim.pool.work import Work
 from feeder_sim.run.compilation import compilation_announced, in_daemon_thread
 from feeder_sim.scenario import Ball, Contact, RigidPlate, Run, Scenario
@@ -39,7 +40,7 @@ from feeder_sim.single_thread import single_threaded
 DROPS = 2000
 HEIGHT, THROWN_HEIGHT = 1.0, 4.0  # of the lowest point at the start, over the part's largest extent
 LONGEST = 25.0  # times the fall; a part that still rolls then counts to the pose that it rolls in
-INTERVAL_S = 0.01  # [s] between two looks at a part
+INTERVAL_S = 0.02  # [s] between two looks at a part
 LOOKS = 5  # in a row at which a part has to lie still: one on edge stays there for less
 STILL = 2e-3  # [m/s]; no point of a part that lies still is faster
 PLATE_MM = 1e4
@@ -48,7 +49,8 @@ MOST_THROWN = {"height": (10.0, "m"), "speed": (100.0, "m/s"), "spin": (1e4, "ra
 Z95 = 1.959964  # standard errors to each side of a normal 95 % interval
 Engine = Literal["impulse", "mujoco"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
-Ended: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
+# Attitudes at the end (drops, 4), poses and times when they were settled (drops,) [s]
+Ended: TypeAlias = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -157,9 +159,10 @@ class DropStudy:
         engine: that computed it.
         contact: of part and plate.
         throw: how it began to fall.
-        attitude: of each part at its end, quaternions (drops, 4), w first.
+        attitude: of each part then, quaternions (drops, 4), w first.
         pose: index of the pose that each drop ended in, or `NONE`, shape (drops,).
-        rest_s: when each part lay still [s], NaN for one that still rolled, shape (drops,).
+        settled_s: when each part lay still or had too little energy left to leave its pose [s], NaN for one that still
+            rolled, shape (drops,).
     """
 
     part: RigidPart
@@ -168,7 +171,7 @@ class DropStudy:
     throw: Throw
     attitude: NDArray[np.float64]
     pose: NDArray[np.int64]
-    rest_s: NDArray[np.float64]
+    settled_s: NDArray[np.float64]
 
     @property
     def shares(self) -> tuple[Share, ...]:
@@ -184,7 +187,7 @@ class DropStudy:
     @property
     def moving(self) -> int:
         """Drops after which the part still rolled."""
-        return int(np.isnan(self.rest_s).sum())
+        return int(np.isnan(self.settled_s).sum())
 
 
 @single_threaded
@@ -235,7 +238,7 @@ def drop(
 
     with compilation_announced("drops", work.notify):
         in_daemon_thread(compile_engine)
-    attitude, rest_s = np.empty((drops, 4)), np.empty(drops)
+    attitude, pose, settled_s = np.empty((drops, 4)), np.empty(drops, np.int64), np.empty(drops)
     interrupts = [new_interrupt() for _ in pieces]  # of each, since an engine counts its frames there
     with ThreadPoolExecutor(work.n_workers) as pool:
         tasks = [pool.submit(compute, scene, starts[p], each) for p, each in zip(pieces, interrupts, strict=True)]
@@ -244,12 +247,12 @@ def drop(
                 while not wait([task], timeout=0.1).done:
                     if work.stop.is_set():
                         raise Interrupted("interrupted")
-                attitude[piece], rest_s[piece] = task.result()
+                attitude[piece], pose[piece], settled_s[piece] = task.result()
                 work.progress(piece.stop / drops)
         finally:
             for interrupt in interrupts:
                 interrupt[ENDED] = 1  # given up, or an error: what is left ends where it is
-    return DropStudy(part, engine, scene.scenario.contact, throw, attitude, table.number(attitude), rest_s)
+    return DropStudy(part, engine, scene.scenario.contact, throw, attitude, pose, settled_s)
 
 
 def still_plate(part: RigidPart, contact: Contact, engine: Engine, height: float) -> Scene:
@@ -265,7 +268,7 @@ def still_plate(part: RigidPart, contact: Contact, engine: Engine, height: float
 
 
 def _impulse_drops(scene: Scene, starts: Starts, interrupt: NDArray[np.int64]) -> Ended:
-    """Attitudes (drops, 4) of the part at its end, and when it lay still (drops,) [s]."""
+    """Drops until each lies still or can no longer leave its pose."""
     part, kinds = scene.kinds[0], read_kinds(scene)
     principal = scene.principal_attitudes(starts.attitude.as_quat(scalar_first=True)[:, None])[:, 0]
     turned = Rotation.from_quat(principal, scalar_first=True).as_matrix()
@@ -274,14 +277,35 @@ def _impulse_drops(scene: Scene, starts: Starts, interrupt: NDArray[np.int64]) -
     alone = Alone(parts, kinds, new_scratch(kinds, scene.surface.n_shapes))
     surface = surface_arrays(scene)
     drive = MovingPlate(surface, scene.surface.extremes, exactness_of(scene), scene.timestep, WINDOW_ALONE)
-    rested = np.empty(len(parts))
-    advance_to_rest(alone, drive, INTERVAL_S, scene.times.duration, interrupt, rested)
-    ended = Rotation.from_matrix(parts["attitude"]).as_quat(scalar_first=True)
-    return scene.attitudes(ended[:, None])[:, 0], rested
+    table = stable_poses(part)
+    barriers, longest = Barriers(part.corners, table), math.ceil(scene.times.duration / INTERVAL_S)
+    attitude, pose, settled = np.empty((len(parts), 4)), np.empty(len(parts), np.int64), np.full(len(parts), np.nan)
+    number = np.arange(len(parts))  # of the drops that are not over
+    for look in range(1, longest + 1):
+        rested = np.empty(len(parts))
+        advance_to_rest(Alone(parts, *alone[1:]), drive, INTERVAL_S, INTERVAL_S, interrupt, rested)
+        parts["clock"] -= INTERVAL_S
+        turned = Rotation.from_matrix(parts["attitude"])
+        now = scene.attitudes(turned.as_quat(scalar_first=True)[:, None])[:, 0]
+        decided = barriers.decided(downward(now), _energy_height(parts, turned, part))
+        lies = ~np.isnan(rested)
+        over = lies | (decided != NONE)
+        attitude[number], pose[number] = now, np.where(over & ~lies, decided, table.number(now))
+        settled[number[over]] = look * INTERVAL_S
+        parts, number = parts[~over], number[~over]
+        if not len(parts) or interrupt[ENDED]:
+            break
+    return attitude, pose, settled
+
+
+def _energy_height(parts: NDArray[np.void], turned: Rotation, part: RigidPart) -> NDArray[np.float64]:
+    """Height (n,) [m] over the plate to which all its energy would lift the centre of mass of a part at attitudes."""
+    spin_energy = (turned.inv().apply(parts["momentum"]) ** 2 / part.inertia).sum(axis=1) / part.mass
+    return np.asarray(parts["position"][:, 2] + 0.5 * ((parts["velocity"] ** 2).sum(axis=1) + spin_energy) / GRAVITY)
 
 
 def _mujoco_drops(scene: Scene, starts: Starts, interrupt: NDArray[np.int64]) -> Ended:
-    """As `_impulse_drops`, by MuJoCo."""
+    """As `_impulse_drops`, by MuJoCo, until each lies still."""
     from feeder_sim.engines.mujoco.engine import MujocoEngine
 
     part = scene.kinds[0]
@@ -302,4 +326,4 @@ def _mujoco_drops(scene: Scene, starts: Starts, interrupt: NDArray[np.int64]) ->
         attitude[k] = engine.current().quaternion[0, 0]
         if looks == LOOKS:
             rested[k] = engine.current().time[0] - (LOOKS - 1) * INTERVAL_S
-    return attitude, rested
+    return attitude, stable_poses(part).number(attitude), rested
