@@ -1,7 +1,6 @@
 """Stable poses: the ways a part can lie on a level plate, named A, B, ... from the lowest centre of mass on.
 
-The faces that the hull can rest on, and the quasi-static chance of each, are trimesh's (Goldberg, Mirtich, Zhuang,
-Craig, Carlisle and Canny, IEEE Trans. Robotics Automation 15 (1999) 849). Two of them are one pose where
+Two of the faces that the hull rests on, each of a quasi-static chance (`quasi_static`), are one pose where
 
     the part can roll from one to the other all but level (a rod on its side), or
     a rotation of the part into itself takes one to the other (the six sides of a nut).
@@ -19,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.part.quasi_static import resting_faces
 from feeder_sim.part.rigid_part import RigidPart
 
 NONE = -1  # the pose of a part that lies in none
@@ -28,7 +28,6 @@ BARRIER = 0.02  # of the height: what is in the way of rolling from one pose to 
 NEAREST_DEG = 30.0  # poses that a part can roll between at once
 ALIKE = 5e-3  # of the size: how far a turned part may stick out of itself
 ALIKE_INERTIA = 0.02  # of the largest moment of inertia
-ROUND_OFF = 1e-12  # of twice an area, in units of the size of a hull
 MOST_POINTS = 600  # of a hull; of a finer one those farthest along as many directions
 NEIGHBOURS = 12  # directions next to one
 # Directions of a part as drawn that may be asked to point up: faces that look alike are one pose, but have axes.
@@ -127,7 +126,7 @@ def stable_poses(part: RigidPart) -> PoseTable:
 def _of_hull(corners: bytes, tensor: bytes) -> PoseTable:
     points, inertia = np.frombuffer(corners).reshape(-1, 3), np.frombuffer(tensor).reshape(3, 3)
     hull = _Hull(points, inertia)
-    down, chance = _resting_faces(points)
+    down, chance = resting_faces(points)
     groups = _grouped(len(down), _neighbours(down), lambda i, j: hull.rolls(down[i], down[j]))
     first = [max(group, key=lambda i: round(float(chance[i]), 6)) for group in groups]  # what stands for a group
     pairs = itertools.combinations(range(len(first)), 2)
@@ -158,54 +157,6 @@ def pose_names() -> itertools.chain[str]:
     """A to Z, then AA, AB, ..."""
     letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
     return itertools.chain(letters, ("".join(pair) for pair in itertools.product(letters, repeat=2)))
-
-
-def _resting_faces(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Outward normals (n, 3) of the faces that a hull rests on, and the quasi-static chance of each (n,).
-
-    A part lands on a face as often as the face is seen from its centre of mass, and rolls on over the edge beyond which
-    that centre lies (Wiegley, Rao and Goldberg, Computing a statistical distribution of stable poses for a polyhedron,
-    1992).
-    """
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(points / np.abs(points).max())
-    normals = hull.equations[:, :3]
-    corners = hull.points[hull.simplices]
-    inwards = _along(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), normals) < 0.0
-    corners[inwards] = corners[inwards][:, [0, 2, 1]]
-    neighbours = hull.neighbors.copy()
-    neighbours[inwards] = neighbours[inwards][:, [0, 2, 1]]  # each beside the corner that it does not have
-    middle, foot = corners.mean(axis=1), -hull.equations[:, 3:] * normals
-    rolls_to = np.arange(len(normals))
-    for k in range(3):
-        a, b = corners[:, (k + 1) % 3], corners[:, (k + 2) % 3]
-        beyond = _along(np.cross(b - a, foot - a), normals) < -ROUND_OFF
-        after_a = _along(np.cross(a - middle, foot - middle), normals) >= 0.0
-        before_b = _along(np.cross(foot - middle, b - middle), normals) >= 0.0
-        over = beyond & after_a & before_b
-        rolls_to[over] = neighbours[over, k]
-    for _ in range(len(normals).bit_length()):
-        rolls_to = rolls_to[rolls_to]
-    seen = np.bincount(rolls_to, _solid_angles(corners), len(normals))
-    _, first, face = np.unique(normals.round(3), axis=0, return_index=True, return_inverse=True)
-    seen = np.bincount(face.ravel(), seen)
-    down, chance = normals[first][seen > 0.0], seen[seen > 0.0]
-    order = np.lexsort(down.T.round(6))  # the side as drawn comes first
-    return down[order], chance[order] / chance.sum()
-
-
-def _along(vectors: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Component of each of n vectors along a direction of its own, shape (n,)."""
-    return np.asarray((vectors * directions).sum(axis=1))
-
-
-def _solid_angles(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Under which triangles (n, 3, 3) are seen from the origin, shape (n,) (Van Oosterom and Strackee 1983)."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    x, y, z = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
-    below = x * y * z + _along(a, b) * z + _along(b, c) * x + _along(c, a) * y
-    return np.asarray(2.0 * np.arctan2(np.abs(_along(a, np.cross(b, c))), below))
 
 
 class _Hull:
