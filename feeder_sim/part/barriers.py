@@ -1,8 +1,8 @@
 """When a part on a level plate has too little energy left to roll out of the pose that it is in.
 
-Its centre of mass is never lower than h(d) = max v.d over its corners v, d the direction down in its axes. Contacts only
-take energy, so that d stays where m g h(d) is below the energy. To get from one face to the next it has to pass the
-lowest of the ways between them, along edges of the hull: the flow of steepest descent of h leads from everywhere to them.
+Its centre of mass is never lower than h(d) = max v.d over its corners v, d the direction down in its axes. Contacts
+only take energy, so that d stays where m g h(d) is below the energy. To get from one face to the next it has to pass
+the lowest of the ways between them, which goes along edges of the hull: from everywhere else h falls towards them.
 """
 
 from __future__ import annotations
@@ -90,9 +90,10 @@ class Barriers:
 def _edges(
     corners: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], list[tuple[float, int, int]]]:
-    """Outward normals of the faces of a hull (faces, 3), their distance from the centre of mass (faces,) [m], and the
+    """Faces of a hull and the ways between them.
 
-    edges between two of them, the lowest first: the largest distance on the way from one to the other [m], and both.
+    Outward normals (faces, 3) and distances from the centre of mass (faces,) [m]; of every edge the largest height on
+    the way over it [m] and the two faces, the lowest first.
     """
     from scipy.spatial import ConvexHull
 
