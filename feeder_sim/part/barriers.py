@@ -38,7 +38,7 @@ class Barriers:
         Faces that a rotation of the part takes to each other are one pose, but leaving one for the other counts, unless
         the way is all but level.
         """
-        nodes, heights, ways = _edges(self.corners)
+        nodes, heights, edges = _edges(self.corners)
         escape = np.full(len(self.table.poses), np.inf)
         parent = np.arange(len(nodes))
         lowest = heights.copy()  # of each tree
@@ -49,7 +49,7 @@ class Barriers:
                 parent[i] = i = parent[parent[i]]
             return i
 
-        for height, i, j in ways:
+        for height, i, j in edges:
             a, b = sorted((root(i), root(j)), key=lambda k: lowest[k])
             if a == b:
                 continue
@@ -76,14 +76,14 @@ class Barriers:
         along = [down[some] @ each.down.T for each in self.table.poses]
         nearest = np.stack([each.max(axis=1) for each in along], axis=1).argmax(axis=1)
         goal = np.array([self.table.poses[k].down[along[k][i].argmax()] for i, k in enumerate(nearest)]).reshape(-1, 3)
-        part_of_way = np.linspace(0.0, 1.0, LOOKS)[:, None, None]
-        way = (1.0 - part_of_way) * down[some] + part_of_way * goal
-        way /= np.linalg.norm(way, axis=2, keepdims=True)
-        steps = np.arccos(np.clip((way[1:] * way[:-1]).sum(axis=2), -1.0, 1.0))
+        fraction = np.linspace(0.0, 1.0, LOOKS)[:, None, None]
+        path = (1.0 - fraction) * down[some] + fraction * goal
+        path /= np.linalg.norm(path, axis=2, keepdims=True)
+        steps = np.arccos(np.clip((path[1:] * path[:-1]).sum(axis=2), -1.0, 1.0))
         # Between two looks a corner is lower than at the nearer one over the cosine of half the angle.
-        top = (way @ self.corners.T).max(axis=2).max(axis=0) / np.cos(0.5 * steps.max(axis=0, initial=0.0))
-        kept = np.maximum(height[some], top) < self.heights[nearest]
-        pose[some[kept]] = nearest[kept]
+        top = (path @ self.corners.T).max(axis=2).max(axis=0) / np.cos(0.5 * steps.max(axis=0, initial=0.0))
+        below = np.maximum(height[some], top) < self.heights[nearest]
+        pose[some[below]] = nearest[below]
         return pose
 
 
@@ -111,5 +111,5 @@ def _edges(
     saddle = (foot * middle).sum(axis=1) > distance * (normals[face] * middle).sum(axis=1)
     top = np.where(saddle, distance, np.maximum(heights[face], heights[beside]))
     order = top.argsort()
-    ways = list(zip(top[order].tolist(), face[order].tolist(), beside[order].tolist(), strict=True))
-    return normals, heights, ways
+    edges = list(zip(top[order].tolist(), face[order].tolist(), beside[order].tolist(), strict=True))
+    return normals, heights, edges

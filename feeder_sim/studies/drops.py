@@ -281,17 +281,17 @@ def _impulse_drops(scene: Scene, starts: Starts, interrupt: NDArray[np.int64]) -
     barriers, longest = Barriers(part.corners, table), math.ceil(scene.times.duration / INTERVAL_S)
     attitude, pose, settled = np.empty((len(parts), 4)), np.empty(len(parts), np.int64), np.full(len(parts), np.nan)
     number = np.arange(len(parts))  # of the drops that are not over
-    for look in range(1, longest + 1):
+    for k in range(1, longest + 1):
         rested = np.empty(len(parts))
         advance_to_rest(Alone(parts, *alone[1:]), drive, INTERVAL_S, INTERVAL_S, interrupt, rested)
         parts["clock"] -= INTERVAL_S
         turned = Rotation.from_matrix(parts["attitude"])
         now = scene.attitudes(turned.as_quat(scalar_first=True)[:, None])[:, 0]
         decided = barriers.decided(downward(now), _energy_height(parts, turned, part))
-        lies = ~np.isnan(rested)
-        over = lies | (decided != NONE)
-        attitude[number], pose[number] = now, np.where(over & ~lies, decided, table.number(now))
-        settled[number[over]] = look * INTERVAL_S
+        at_rest = ~np.isnan(rested)
+        over = at_rest | (decided != NONE)
+        attitude[number], pose[number] = now, np.where(over & ~at_rest, decided, table.number(now))
+        settled[number[over]] = k * INTERVAL_S
         parts, number = parts[~over], number[~over]
         if not len(parts) or interrupt[ENDED]:
             break
