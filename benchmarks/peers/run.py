@@ -23,7 +23,13 @@ from cases import AT_REST, DRIFTS, Method, Outcome
 
 from feeder_sim.measures.statistic import Statistic
 
-MODULES = {"plain_mujoco": "mujoco-core", "drake_engine": "drake", "drake_continuous": "drake", "bullet": "pybullet"}
+MODULES = {
+    "plain_mujoco": "mujoco-core",
+    "drake_engine": "drake",
+    "drake_continuous": "drake",
+    "bullet": "pybullet",
+    "rapier": "rapier3d",
+}
 HEADER = ("case", "method", "setting", "value", "se", "n", "wall_s_per_simulated_s", "failure", "details")
 PER_PERIOD, PER_MS, DRIFT_STEPS = (20, 40, 80, 160, 320), (20, 40, 80, 160, 320, 640), (20, 40)
 QUICK = (20, 80)
