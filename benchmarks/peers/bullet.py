@@ -153,6 +153,14 @@ class BulletWorld:
             step()
             out[i] = row()
 
+    def shake(self, place: list[list[float]], rate: list[list[float]], out: NDArray[np.float64]) -> None:
+        plate, upright, still = self.plate, (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+        for (x, z), (u, w), row in zip(place, rate, out, strict=True):
+            bullet.resetBasePositionAndOrientation(plate, (x, 0.0, z - self.half), upright)
+            bullet.resetBaseVelocity(plate, (u, 0.0, w), still)
+            bullet.stepSimulation()
+            row[:] = self._row()
+
     def ride(self, q: list[float], rate: list[float]) -> None:
         step, place, move = bullet.stepSimulation, bullet.resetBasePositionAndOrientation, bullet.resetBaseVelocity
         where, strip = bullet.getBasePositionAndOrientation, self.setup.strip
@@ -181,6 +189,7 @@ def method(name: str, contact: Contact, cases: tuple[str, ...]) -> Method:
         lambda setup: f"PyBullet {version}; {contact.details()}; loop in Python",
         cases,
         8.0,
+        shakes=True,
     )
 
 

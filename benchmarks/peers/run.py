@@ -44,7 +44,8 @@ def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
     if case in AT_REST:
         return [(steps, 1) for steps in (QUICK if quick else PER_MS[:-2] if slow else PER_MS)]
     if case not in DRIFTS:
-        return [(steps, 1) for steps in (QUICK if quick else PER_PERIOD)]
+        slow = slow and case == "tray"
+        return [(steps, 1) for steps in (QUICK if quick or slow else PER_PERIOD)]
     if quick:
         return [] if slow or not method.arrives or case != "drift_8775" else [(DRIFT_STEPS[0], SEEDS_QUICK)]
     if not method.arrives:
@@ -66,6 +67,7 @@ def outcome_of(case: str, method: Method, steps: int, seeds: int) -> Outcome:
         "bouncing_ball": cases.bouncing_ball,
         "flat_drop": cases.flat_drop,
         "sliding_impact": cases.sliding_impact,
+        "tray": cases.tray,
     }
     return single[case](method, steps)
 
@@ -111,7 +113,7 @@ def main() -> int:
         writer = csv.DictWriter(file, HEADER)
         writer.writeheader()
         for method in methods_installed(options.only):
-            for case in method.cases:
+            for case in (*method.cases, *(("tray",) if method.shakes else ())):
                 for steps, seeds in plan(case, method, quick=options.quick):
                     row = row_of(case, method, steps, seeds, outcome_of(case, method, steps, seeds))
                     writer.writerow(row)
