@@ -26,7 +26,7 @@ pydrake: Any = importlib.import_module("pydrake.all")
 logging.getLogger("drake").setLevel(logging.ERROR)
 
 PLATE_MASS_RATIO = 1e6
-LENGTH, WIDTH, DEPTH = 0.12, 0.04, 0.01  # of the plate's box [m]
+LENGTH = 0.12  # from which the plate's moments of inertia follow [m]
 PHASES = 20
 FOOT = 1e-6  # radius of the spheres at the corners of a nut [m]
 
@@ -54,7 +54,7 @@ class Contact:
         return self.approximation == "sap"
 
     def stiffness(self, setup: Setup) -> float:
-        return self.at_rest * setup.dt / 5e-5 if setup.plate in ("rest", "rising") else self.moving
+        return self.at_rest * setup.dt / 5e-5 if setup.plate in ("rest", "floor", "rising") else self.moving
 
     def details(self, setup: Setup) -> str:
         stiffness = self.stiffness(setup)
@@ -186,7 +186,7 @@ class DrakeWorld:
         own = plant.GetMyMutableContextFromRoot(self.context)
         attitude = pydrake.RotationMatrix(pydrake.Quaternion(setup.quaternion / np.linalg.norm(setup.quaternion)))
         plant.SetFreeBodyPose(own, self.part, pydrake.RigidTransform(attitude, setup.position))
-        motion = pydrake.SpatialVelocity(np.zeros(3), setup.velocity)
+        motion = pydrake.SpatialVelocity(np.array(setup.spin), setup.velocity)
         plant.SetFreeBodySpatialVelocity(own, self.part, motion)
         self.joints = plant.num_positions()  # where velocities begin
         self.discrete = self.diagram.EvalUniquePeriodicDiscreteUpdate

@@ -20,7 +20,6 @@ from feeder_sim.constants import GRAVITY
 
 rapier: Any = importlib.import_module("rapier3d")
 
-LENGTH, WIDTH, DEPTH = 0.12, 0.04, 0.01  # of the plate's box [m]
 FOOT = 1e-5  # radius of the spheres at the corners of a nut [m]
 MOST_SPEED = 1e9  # [m/s]
 
@@ -86,8 +85,8 @@ class RapierWorld:
         self.plate, self.part = self._add_plate(), self._add_part()
 
     def _add_plate(self) -> Any:
-        box = rapier.Collider.cuboid(0.5 * LENGTH, 0.5 * WIDTH, 0.5 * DEPTH)
-        shape = material(box).translation((0.0, 0.0, self.half - 0.5 * DEPTH))
+        box = rapier.Collider.cuboid(*(0.5 * side for side in self.setup.sides))
+        shape = material(box).translation((0.0, 0.0, self.half - 0.5 * self.setup.sides[2]))
         body = rapier.RigidBody.kinematic_velocity_based().translation((0.0, 0.0, -self.half)).can_sleep(False)
         return self.world.rigid_bodies[self.world.add_body(body, [shape])]
 
@@ -97,7 +96,7 @@ class RapierWorld:
             setup.position.tolist(), rapier.Rotation3.from_quaternion(*(float(x) for x in setup.quaternion))
         )
         properties = rapier.MassProperties((0.0, 0.0, 0.0), body.mass, body.inertia.tolist())
-        part = rapier.RigidBody.dynamic().position(pose).linvel(setup.velocity.tolist())
+        part = rapier.RigidBody.dynamic().position(pose).linvel(setup.velocity.tolist()).angvel(setup.spin)
         part = part.additional_mass_properties(properties).can_sleep(False).allow_fast_rotation(True)
         if body.radius:
             shapes = [rapier.Collider.ball(body.radius)]
@@ -161,7 +160,7 @@ def method(name: str, contact: Contact) -> Method:
         name,
         lambda setup: RapierWorld(setup, contact),
         lambda setup: f"rapier3d {version}; {contact.details()}; loop in Python",
-        MOVING + AT_REST,
+        (*MOVING, *AT_REST, "which_side_up"),
         10.0,
         shakes=True,
     )

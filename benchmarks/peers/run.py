@@ -33,6 +33,7 @@ MODULES = {
 HEADER = ("case", "method", "setting", "value", "se", "n", "wall_s_per_simulated_s", "failure", "details")
 PER_PERIOD, PER_MS, DRIFT_STEPS = (20, 40, 80, 160, 320), (20, 40, 80, 160, 320, 640), (20, 40)
 QUICK = (20, 80)
+THROW_STEPS, THROWS, THROWS_QUICK = 10, 1000, 50
 SEEDS, SEEDS_QUICK = 6, 2
 SECONDS = 10.0  # of wall time that the seeds of one setting may take; slower engines get fewer of them
 SLOW_US = 50.0  # a step; from there on two seeds and one are all there is time for, and none in a quick run
@@ -41,6 +42,8 @@ SLOW_US = 50.0  # a step; from there on two seeds and one are all there is time 
 def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
     """Settings and seeds of a case."""
     slow = method.us_per_step > SLOW_US
+    if case == "which_side_up":
+        return [(THROW_STEPS, THROWS_QUICK if quick else THROWS)]
     if case in AT_REST:
         return [(steps, 1) for steps in (QUICK if quick else PER_MS[:-2] if slow else PER_MS)]
     if case not in DRIFTS:
@@ -63,6 +66,8 @@ def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
 def outcome_of(case: str, method: Method, steps: int, seeds: int) -> Outcome:
     if case in DRIFTS:
         return cases.drift(method, case, steps, seeds)
+    if case == "which_side_up":
+        return cases.which_side_up(method, steps, seeds)
     single = {
         "bouncing_ball": cases.bouncing_ball,
         "flat_drop": cases.flat_drop,
