@@ -25,8 +25,6 @@ from conformance_set.cases import (
     tray_speed,
 )
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
-from validation.blocks import blocks
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.drift import transport_speed
@@ -37,9 +35,7 @@ from feeder_sim.scene.cell import PASSAGE_TO, Cell, transport_cell
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.start import start_poses
-from feeder_sim.studies.drops import INTERVAL_S, LONGEST, LOOKS, STILL, Starts, Throw
 
-BLOCK_RATIO = 0.75
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 DRIFTS = ("drift_4750", "drift_8775")
@@ -327,46 +323,6 @@ def tray(method: Method, steps: int) -> Outcome:
     else:
         outcome.failures.append("not finite")
     return outcome
-
-
-# --- throws of a block ----------------------------------------------------------------------------------------------
-
-
-def which_side_up(method: Method, steps: int, throws: int) -> Outcome:
-    """Whether a block with sides y, y, 0.75 y has a square face up, 100 or 0 for each throw [%]."""
-    part = next(block for block in blocks() if block.ratio == BLOCK_RATIO).part()
-    throw, body = Throw.of(part), Body(float(part.mass), part.inertia, 0.0, part.corners)
-    starts, dt = Starts.drawn(part, throw, throws, 0), 1e-3 / steps
-    fall = math.sqrt(2.0 * GRAVITY * throw.height[1])
-    outcome = Outcome()
-    for i in range(throws):
-        spin = (float(starts.spin[i, 0]), float(starts.spin[i, 1]), float(starts.spin[i, 2]))
-        turn = starts.attitude[i].as_quat(scalar_first=True)
-        setup = Setup(dt, body, starts.place[i], turn, starts.velocity[i], "floor", impact_speed=fall, spin=spin)
-        outcome.details = method.settings(setup)
-        _throw(method, setup, part.size, LONGEST * fall / GRAVITY, outcome)
-    return outcome
-
-
-def _throw(method: Method, setup: Setup, size: float, longest: float, outcome: Outcome) -> None:
-    """Step one throw until the block lies still; add which side is up."""
-    world, looks, elapsed = method.build(setup), 0, 0.0
-    out = np.zeros((round(INTERVAL_S / setup.dt), STATE))
-    started = time.perf_counter()
-    while looks < LOOKS and elapsed < longest:
-        world.fall(out)
-        elapsed += INTERVAL_S
-        end = out[-1]
-        if not np.isfinite(end).all() or end[2] < 0.0:
-            break
-        looks = looks + 1 if np.linalg.norm(end[VELOCITY]) + size * np.linalg.norm(end[SPIN]) < STILL else 0
-    outcome.wall_s += time.perf_counter() - started
-    outcome.simulated_s += elapsed
-    if looks == LOOKS:
-        up = Rotation.from_quat(end[QUATERNION], scalar_first=True).as_matrix()[2, 2]  # of the axis of the square faces
-        outcome.values.append(100.0 if abs(up) > 0.5 else 0.0)
-    else:
-        outcome.failures.append("does not come to rest" if np.isfinite(end).all() else "not finite")
 
 
 # --- the nut on the strip ---------------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from typing import Any
 sys.path.append(str(Path(__file__).parents[1]))
 
 import cases
+import throws
 from cases import AT_REST, DRIFTS, Method, Outcome
 
 from feeder_sim.measures.statistic import Statistic
@@ -67,7 +68,7 @@ def outcome_of(case: str, method: Method, steps: int, seeds: int) -> Outcome:
     if case in DRIFTS:
         return cases.drift(method, case, steps, seeds)
     if case == "which_side_up":
-        return cases.which_side_up(method, steps, seeds)
+        return throws.which_side_up(method, steps, seeds)
     single = {
         "bouncing_ball": cases.bouncing_ball,
         "flat_drop": cases.flat_drop,
