@@ -21,7 +21,6 @@ from feeder_sim.constants import GRAVITY
 
 bullet: Any = importlib.import_module("pybullet")
 
-LENGTH, WIDTH, DEPTH = 0.12, 0.04, 0.01  # of the plate's box [m]
 FOOT = 1e-5  # radius of the spheres at the corners of a nut [m]
 
 
@@ -92,8 +91,8 @@ class BulletWorld:
         bullet.changeDynamics(self.part, -1, maxJointVelocity=1e9)
 
     def _add_plate(self) -> int:
-        extents = [0.5 * side for side in (LENGTH, WIDTH, DEPTH)]
-        centre = [0.0, 0.0, self.half - 0.5 * DEPTH]
+        extents = [0.5 * side for side in self.setup.sides]
+        centre = [0.0, 0.0, self.half - extents[2]]
         box = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=extents, collisionFramePosition=centre)
         place = [0.0, 0.0, -self.half]
         return int(bullet.createMultiBody(0.0, box, -1, place))
@@ -118,7 +117,7 @@ class BulletWorld:
         part = bullet.createMultiBody(body.mass, shape, -1, position, turn, flags=flags)
         inertia = body.inertia.tolist()
         bullet.changeDynamics(part, -1, localInertiaDiagonal=inertia)
-        bullet.resetBaseVelocity(part, setup.velocity.tolist(), [0.0, 0.0, 0.0])
+        bullet.resetBaseVelocity(part, setup.velocity.tolist(), setup.spin)
         return int(part)
 
     def state(self) -> NDArray[np.float64]:
@@ -153,6 +152,14 @@ class BulletWorld:
             step()
             out[i] = row()
 
+    def shake(self, place: list[list[float]], rate: list[list[float]], out: NDArray[np.float64]) -> None:
+        plate, upright, still = self.plate, (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+        for (x, z), (u, w), row in zip(place, rate, out, strict=True):
+            bullet.resetBasePositionAndOrientation(plate, (x, 0.0, z - self.half), upright)
+            bullet.resetBaseVelocity(plate, (u, 0.0, w), still)
+            bullet.stepSimulation()
+            row[:] = self._row()
+
     def ride(self, q: list[float], rate: list[float]) -> None:
         step, place, move = bullet.stepSimulation, bullet.resetBasePositionAndOrientation, bullet.resetBaseVelocity
         where, strip = bullet.getBasePositionAndOrientation, self.setup.strip
@@ -181,7 +188,8 @@ def method(name: str, contact: Contact, cases: tuple[str, ...]) -> Method:
         lambda setup: f"PyBullet {version}; {contact.details()}; loop in Python",
         cases,
         8.0,
+        shakes=True,
     )
 
 
-METHODS = (method("Bullet", Contact(), MOVING + AT_REST),)
+METHODS = (method("Bullet", Contact(), (*MOVING, *AT_REST, "which_side_up")),)

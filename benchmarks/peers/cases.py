@@ -11,10 +11,19 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from chart_cases import BALL_COUNTED, BALL_HZ, BALL_PERIODS, BALL_UM, DROP_MM, DROP_S, FRICTION, RESTITUTION, SLIDE_MM_S
+from conformance_set.cases import (
+    TRAY_FROM_S,
+    TRAY_HZ,
+    TRAY_PHASE_DEG,
+    TRAY_S,
+    TRAY_UM,
+    tray_height,
+    tray_speed,
+)
 from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
@@ -37,8 +46,10 @@ SHAKER_HZ, SHAKER_AMPLITUDE = BALL_HZ, 1e-6 * BALL_UM
 SHAKER_PERIODS, SHAKER_COUNTED = BALL_PERIODS, BALL_COUNTED
 BALL_DROP, DROP, SLIDE_SPEED = 0.5e-3, 1e-3 * DROP_MM, 1e-3 * SLIDE_MM_S
 YAW = math.radians(17.0)
+YAWED = np.array([math.cos(0.5 * YAW), 0.0, 0.0, math.sin(0.5 * YAW)])
 LONGEST_S = {"drift_4750": 15.0, "drift_8775": 6.0}  # of a seed; 1.7 and 2.4 times what the way takes
 EXPECTED_S = {"drift_4750": 9.0, "drift_8775": 2.6}
+PLATE, FLOOR = (0.12, 0.04, 0.01), (4.0, 4.0, 0.01)  # sides [m]
 THROWN = 20e-3  # [m]; no nut of these scenarios hops a tenth as high
 
 POSITION, QUATERNION, VELOCITY, SPIN = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
@@ -78,10 +89,12 @@ class Setup:
     Attributes:
         dt: time step [s].
         body, position, quaternion, velocity: the part and its start.
-        plate: "rest", "rising" (at constant speed), "piston", "shaken" (along x and z) or "strip".
+        plate: "rest", "floor" (at rest and large), "rising" (at constant speed), "piston", "shaken" (along x and z) or
+            "strip".
         strip: the standing wave of a strip.
         impact_speed: of a typical impact [m/s], for engines whose restitution depends on it.
         amplitude: of the plate [m], for engines that have to know.
+        spin: of the part at the start, in world axes [rad/s].
     """
 
     dt: float
@@ -93,6 +106,12 @@ class Setup:
     strip: Strip | None = None
     impact_speed: float = 0.1
     amplitude: float = 0.0
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def sides(self) -> tuple[float, float, float]:
+        """Of the plate [m], for engines whose plate is a box."""
+        return FLOOR if self.plate == "floor" else PLATE
 
 
 class World(Protocol):
@@ -115,6 +134,7 @@ class World(Protocol):
         ...
 
 
+@runtime_checkable
 class ShakenWorld(World, Protocol):
     """A scene whose plate also moves sideways."""
 
@@ -218,9 +238,8 @@ def flat_drop(method: Method, steps: int) -> Outcome:
     """Error of the first rebound of a flat nut, spin included [%]."""
     body = steel_nut()
     position = np.array([0.0, 0.0, DROP - body.corners[:, 2].min()])
-    quaternion = np.array([math.cos(0.5 * YAW), 0.0, 0.0, math.sin(0.5 * YAW)])
     speed = math.sqrt(2.0 * GRAVITY * DROP)
-    setup = Setup(1e-3 / steps, body, position, quaternion, np.zeros(3), "rest", None, speed)
+    setup = Setup(1e-3 / steps, body, position, YAWED, np.zeros(3), "rest", None, speed)
 
     def error(up: NDArray[np.float64]) -> float:
         spin = math.hypot(*up[SPIN]) * float(np.hypot(*body.corners[:, :2].T).max())
@@ -274,6 +293,36 @@ def _stepped(
             world.piston(z, rate, out[:count])
         wall = time.perf_counter() - started
     return out, wall
+
+
+# --- the nut on the tray ----------------------------------------------------------------------------------------------
+
+
+def tray(method: Method, steps: int) -> Outcome:
+    """Error of the mean speed of a nut on a tray that moves in an ellipse and never throws it [%]."""
+    body, dt = steel_nut(), 1.0 / (TRAY_HZ * steps)
+    place = np.array([0.0, 0.0, -body.corners[:, 2].min()])
+    setup = Setup(dt, body, place, YAWED, np.zeros(3), "shaken", amplitude=tray_height())
+    n = round(TRAY_S / dt)
+    phase = 2.0 * math.pi * TRAY_HZ * dt * np.arange(n + 1)
+    along, up = 1e-6 * TRAY_UM * np.sin(phase + math.radians(TRAY_PHASE_DEG)), tray_height() * np.sin(phase)
+    motion = np.stack([along - along[0], up], axis=1)
+    out, wall = np.zeros((n, STATE)), 0.0
+    for count in (WARM_UP, n):
+        world = method.build(setup)
+        assert isinstance(world, ShakenWorld)
+        places, rates = motion[:count].tolist(), (np.diff(motion, axis=0)[:count] / dt).tolist()
+        started = time.perf_counter()
+        world.shake(places, rates, out[:count])
+        wall = time.perf_counter() - started
+    outcome = Outcome(wall_s=wall, simulated_s=n * dt, details=method.settings(setup))
+    if np.isfinite(out).all():
+        first = round(TRAY_FROM_S / dt)
+        speed = (out[-1, 0] - out[first - 1, 0]) / (TRAY_S - TRAY_FROM_S)
+        outcome.values.append(100.0 * abs(float(speed) / tray_speed() - 1.0))
+    else:
+        outcome.failures.append("not finite")
+    return outcome
 
 
 # --- the nut on the strip ---------------------------------------------------------------------------------------------

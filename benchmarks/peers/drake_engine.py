@@ -26,7 +26,7 @@ pydrake: Any = importlib.import_module("pydrake.all")
 logging.getLogger("drake").setLevel(logging.ERROR)
 
 PLATE_MASS_RATIO = 1e6
-LENGTH, WIDTH, DEPTH = 0.12, 0.04, 0.01  # of the plate's box [m]
+LENGTH = 0.12  # from which the plate's moments of inertia follow [m]
 PHASES = 20
 FOOT = 1e-6  # radius of the spheres at the corners of a nut [m]
 
@@ -54,7 +54,7 @@ class Contact:
         return self.approximation == "sap"
 
     def stiffness(self, setup: Setup) -> float:
-        return self.at_rest * setup.dt / 5e-5 if setup.plate in ("rest", "rising") else self.moving
+        return self.at_rest * setup.dt / 5e-5 if setup.plate in ("rest", "floor", "rising") else self.moving
 
     def details(self, setup: Setup) -> str:
         stiffness = self.stiffness(setup)
@@ -97,19 +97,13 @@ def _rebound(depth: float, stiffness: float, dissipation: float, linear: bool) -
 
 
 class DrakeWorld:
-    """The plate on a prismatic and a revolute joint in its mid-plane, far heavier than the part."""
+    """The plate on two joints in its mid-plane, far heavier than the part: up and a turn, or up and along if shaken."""
 
     def __init__(self, setup: Setup, contact: Contact) -> None:
         self.setup, self.contact = setup, contact
         hydroelastic = contact.nut == "hydroelastic" and not setup.body.radius
         builder = pydrake.DiagramBuilder()
-        config = pydrake.MultibodyPlantConfig(
-            time_step=setup.dt,
-            discrete_contact_approximation=contact.approximation,
-            contact_model="hydroelastic" if hydroelastic else "point",
-            use_sampled_output_ports=False,
-        )
-        self.plant, _ = pydrake.AddMultibodyPlant(config, builder)
+        self.plant, _ = pydrake.AddMultibodyPlant(self._config(hydroelastic), builder)
         self.plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -GRAVITY])
         self._add_plate(hydroelastic)
         self._add_part(hydroelastic)
@@ -117,6 +111,14 @@ class DrakeWorld:
         self.diagram = builder.Build()
         self.context = self.diagram.CreateDefaultContext()
         self._start()
+
+    def _config(self, hydroelastic: bool) -> Any:
+        return pydrake.MultibodyPlantConfig(
+            time_step=self.setup.dt,
+            discrete_contact_approximation=self.contact.approximation,
+            contact_model="hydroelastic" if hydroelastic else "point",
+            use_sampled_output_ports=False,
+        )
 
     def _add_plate(self, hydroelastic: bool) -> None:
         plant, setup = self.plant, self.setup
@@ -128,7 +130,10 @@ class DrakeWorld:
         below = pydrake.FixedOffsetFrame("middle", plant.world_frame(), pydrake.RigidTransform([0.0, 0.0, -half]))
         middle = plant.AddFrame(below)
         plant.AddJoint(pydrake.PrismaticJoint("lift", middle, carrier.body_frame(), [0, 0, 1]))
-        plant.AddJoint(pydrake.RevoluteJoint("tilt", carrier.body_frame(), plate.body_frame(), [0, 1, 0]))
+        if setup.plate == "shaken":
+            plant.AddJoint(pydrake.PrismaticJoint("along", carrier.body_frame(), plate.body_frame(), [1, 0, 0]))
+        else:
+            plant.AddJoint(pydrake.RevoluteJoint("tilt", carrier.body_frame(), plate.body_frame(), [0, 1, 0]))
         plant.set_gravity_enabled(model, False)
         top = pydrake.RigidTransform([0.0, 0.0, half])
         if hydroelastic:
@@ -181,14 +186,14 @@ class DrakeWorld:
         own = plant.GetMyMutableContextFromRoot(self.context)
         attitude = pydrake.RotationMatrix(pydrake.Quaternion(setup.quaternion / np.linalg.norm(setup.quaternion)))
         plant.SetFreeBodyPose(own, self.part, pydrake.RigidTransform(attitude, setup.position))
-        motion = pydrake.SpatialVelocity(np.zeros(3), setup.velocity)
+        motion = pydrake.SpatialVelocity(np.array(setup.spin), setup.velocity)
         plant.SetFreeBodySpatialVelocity(own, self.part, motion)
         self.joints = plant.num_positions()  # where velocities begin
         self.discrete = self.diagram.EvalUniquePeriodicDiscreteUpdate
 
     def state(self) -> NDArray[np.float64]:
         out = np.zeros((1, STATE))
-        _unpack(out, self.context.get_discrete_state(0).CopyToVector()[None], self.joints)
+        unpack(out, self.context.get_discrete_state(0).CopyToVector()[None], self.joints)
         return np.array(out[0])
 
     def fall(self, out: NDArray[np.float64]) -> None:
@@ -198,7 +203,7 @@ class DrakeWorld:
             state = update(context)
             context.SetDiscreteState(state)
             row[:] = state.value(0)
-        _unpack(out, rows, self.joints)
+        unpack(out, rows, self.joints)
 
     def piston(self, height: list[float], rate: list[float], out: NDArray[np.float64]) -> None:
         update, context, joints = self.discrete, self.context, self.joints
@@ -211,7 +216,20 @@ class DrakeWorld:
             row[:] = update(context).value(0)
             state[:] = row
         context.SetDiscreteState(0, state)
-        _unpack(out, rows, joints)
+        unpack(out, rows, joints)
+
+    def shake(self, place: list[list[float]], rate: list[list[float]], out: NDArray[np.float64]) -> None:
+        update, context, joints = self.discrete, self.context, self.joints
+        rows = np.zeros((len(out), joints + 8))
+        state = context.get_discrete_state(0).CopyToVector()
+        for (x, z), (u, w), row in zip(place, rate, rows, strict=True):
+            state[:2] = z, x
+            state[joints : joints + 2] = w, u
+            context.SetDiscreteState(0, state)
+            row[:] = update(context).value(0)
+            state[:] = row
+        context.SetDiscreteState(0, state)
+        unpack(out, rows, joints)
 
     def ride(self, q: list[float], rate: list[float]) -> None:
         update, context, joints, strip = self.discrete, self.context, self.joints, self.setup.strip
@@ -231,7 +249,7 @@ class DrakeWorld:
         context.SetDiscreteState(0, state)
 
 
-def _unpack(out: NDArray[np.float64], rows: NDArray[np.float64], joints: int) -> None:
+def unpack(out: NDArray[np.float64], rows: NDArray[np.float64], joints: int) -> None:
     """Drake keeps quaternion before position and spin before velocity."""
     out[:, QUATERNION], out[:, :3] = rows[:, 2:6], rows[:, 6:9]
     out[:, SPIN], out[:, VELOCITY] = rows[:, joints + 2 : joints + 5], rows[:, joints + 5 : joints + 8]
@@ -245,6 +263,7 @@ def method(name: str, contact: Contact, cases: tuple[str, ...]) -> Method:
         lambda setup: f"Drake {version}; {contact.details(setup)}; loop in Python",
         cases,
         60.0,
+        shakes=True,
     )
 
 

@@ -78,6 +78,8 @@ class PatchWorld:
         self.pose = self.data.qpos[self.first_q : self.first_q + 7]
         self.motion = self.data.qvel[self.first_v : self.first_v + 6]
         self.motion[:3] = setup.velocity
+        turn = Rotation.from_quat(setup.quaternion, scalar_first=True)
+        self.motion[3:] = turn.inv().apply(setup.spin)  # in the part's own axes
 
     def xml(self, setup: Setup, contact: Contact) -> str:
         half = setup.strip.half_thickness if setup.strip else 0.0
@@ -89,7 +91,7 @@ class PatchWorld:
             contact,
             f'<body gravcomp="1" pos="0 0 {-half!r}"><inertial pos="0 0 0" mass="{mass!r}" '
             f'diaginertia="{moment!r} {moment!r} {moment!r}"/><joint type="slide" axis="0 0 1"/>'
-            f"<joint {second}/>{_box(half - 0.5 * DEPTH)}</body>",
+            f"<joint {second}/>{_box(setup, half)}</body>",
         )
 
     def state(self) -> NDArray[np.float64]:
@@ -146,7 +148,7 @@ class MocapWorld(PatchWorld):
 
     def xml(self, setup: Setup, contact: Contact) -> str:
         half = setup.strip.half_thickness if setup.strip else 0.0
-        return _xml(setup, contact, f'<body mocap="true" pos="0 0 {-half!r}">{_box(half - 0.5 * DEPTH)}</body>')
+        return _xml(setup, contact, f'<body mocap="true" pos="0 0 {-half!r}">{_box(setup, half)}</body>')
 
     def piston(self, height: list[float], rate: list[float], out: NDArray[np.float64]) -> None:
         del rate  # it has nowhere to go
@@ -223,9 +225,10 @@ class FieldWorld(PatchWorld):
             step(model, data)
 
 
-def _box(centre: float) -> str:
-    size = f"{LENGTH / 2} {WIDTH / 2} {DEPTH / 2}"
-    return f'<geom name="plate" type="box" size="{size}" pos="0 0 {centre!r}" {NO_OTHERS}/>'
+def _box(setup: Setup, top: float) -> str:
+    length, width, depth = setup.sides
+    place = f'size="{length / 2} {width / 2} {depth / 2}" pos="0 0 {top - 0.5 * depth!r}"'
+    return f'<geom name="plate" type="box" {place} {NO_OTHERS}/>'
 
 
 def _xml(setup: Setup, contact: Contact, plate: str, asset: str = "") -> str:
@@ -268,7 +271,7 @@ METHODS = (
         "plain MuJoCo",
         lambda setup: PatchWorld(setup, LYING if setup.plate == "shaken" else TUNED),
         _details(TUNED, "plate on slide and hinge, 1e6 part masses, qpos and qvel written every step"),
-        MOVING + AT_REST,
+        (*MOVING, *AT_REST, "which_side_up"),
         10.0,
         shakes=True,
     ),

@@ -19,14 +19,22 @@ from typing import Any
 sys.path.append(str(Path(__file__).parents[1]))
 
 import cases
+import throws
 from cases import AT_REST, DRIFTS, Method, Outcome
 
 from feeder_sim.measures.statistic import Statistic
 
-MODULES = {"plain_mujoco": "mujoco-core", "drake_engine": "drake", "bullet": "pybullet"}
+MODULES = {
+    "plain_mujoco": "mujoco-core",
+    "drake_engine": "drake",
+    "drake_continuous": "drake",
+    "bullet": "pybullet",
+    "rapier": "rapier3d",
+}
 HEADER = ("case", "method", "setting", "value", "se", "n", "wall_s_per_simulated_s", "failure", "details")
 PER_PERIOD, PER_MS, DRIFT_STEPS = (20, 40, 80, 160, 320), (20, 40, 80, 160, 320, 640), (20, 40)
 QUICK = (20, 80)
+THROW_STEPS, THROWS, THROWS_QUICK = 10, 1000, 50
 SEEDS, SEEDS_QUICK = 6, 2
 SECONDS = 10.0  # of wall time that the seeds of one setting may take; slower engines get fewer of them
 SLOW_US = 50.0  # a step; from there on two seeds and one are all there is time for, and none in a quick run
@@ -35,10 +43,13 @@ SLOW_US = 50.0  # a step; from there on two seeds and one are all there is time 
 def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
     """Settings and seeds of a case."""
     slow = method.us_per_step > SLOW_US
+    if case == "which_side_up":
+        return [(THROW_STEPS, THROWS_QUICK if quick else THROWS)]
     if case in AT_REST:
         return [(steps, 1) for steps in (QUICK if quick else PER_MS[:-2] if slow else PER_MS)]
     if case not in DRIFTS:
-        return [(steps, 1) for steps in (QUICK if quick else PER_PERIOD)]
+        slow = slow and case == "tray"
+        return [(steps, 1) for steps in (QUICK if quick or slow else PER_PERIOD)]
     if quick:
         return [] if slow or not method.arrives or case != "drift_8775" else [(DRIFT_STEPS[0], SEEDS_QUICK)]
     if not method.arrives:
@@ -56,10 +67,13 @@ def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
 def outcome_of(case: str, method: Method, steps: int, seeds: int) -> Outcome:
     if case in DRIFTS:
         return cases.drift(method, case, steps, seeds)
+    if case == "which_side_up":
+        return throws.which_side_up(method, steps, seeds)
     single = {
         "bouncing_ball": cases.bouncing_ball,
         "flat_drop": cases.flat_drop,
         "sliding_impact": cases.sliding_impact,
+        "tray": cases.tray,
     }
     return single[case](method, steps)
 
@@ -105,7 +119,7 @@ def main() -> int:
         writer = csv.DictWriter(file, HEADER)
         writer.writeheader()
         for method in methods_installed(options.only):
-            for case in method.cases:
+            for case in (*method.cases, *(("tray",) if method.shakes else ())):
                 for steps, seeds in plan(case, method, quick=options.quick):
                     row = row_of(case, method, steps, seeds, outcome_of(case, method, steps, seeds))
                     writer.writerow(row)
