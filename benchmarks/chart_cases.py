@@ -4,6 +4,7 @@ bouncing ball   free ball on a 50 Hz shaker, period one (Holmes 1982): the plate
                 it is hit, so that the ball rises to g T^2/8 + A sin(phi) with A omega cos(phi) = w
 flat drop       a nut landing flat leaves with e v and without spin
 sliding impact  a ball that slides throughout leaves with e v_n and v_t - mu (1+e) v_n
+sticking impact a ball that sticks leaves rolling, with e v_n and 5/7 v_t
 drift           transport speed of a nut on a standing wave; nobody knows the right number
 """
 
@@ -29,7 +30,7 @@ CONTACT = {"restitution": RESTITUTION, "friction": FRICTION}
 DROP_MM = 5.0
 APPROACH = math.sqrt(2.0 * GRAVITY * 1e-3 * DROP_MM)  # [m/s]
 DROP_S = 0.04  # 32 ms of fall, and most of the 13 ms of flight after the impact
-SLIDE_MM_S = 1000.0
+SLIDE_MM_S, STICK_MM_S = 1000.0, 200.0
 BALL_HZ, BALL_UM = 50.0, 245.0
 BALL_PERIODS, BALL_COUNTED = 150, 50  # simulated periods of the plate, and the last ones that count
 PER_MS = 1000.0  # [Hz] of a drive without amplitude, with which steps per period are steps per millisecond
@@ -107,13 +108,24 @@ def _flat_drop(prepared: Prepared, record: Seed) -> float:
     return 100.0 * math.hypot(upward - RESTITUTION * APPROACH, spin) / (RESTITUTION * APPROACH)
 
 
-def _sliding_impact(prepared: Prepared, record: Seed) -> float:
-    """Error [%] of both components of the velocity after the impact, over the approach speed."""
+def _ball_impact(prepared: Prepared, record: Seed, expected: float) -> float:
+    """Error [%] of both components of the velocity after the impact, over the approach speed; that along in m/s."""
     upward, row = _after_impact(prepared.scene, record)
     along = float(record.frames.velocity[row, 0, 0])
-    expected = 1e-3 * SLIDE_MM_S - FRICTION * (1.0 + RESTITUTION) * APPROACH
     return 100.0 * math.hypot(upward - RESTITUTION * APPROACH, along - expected) / APPROACH
 
 
+def slid(along: float) -> float:
+    """Velocity along the plate [m/s] after the impact of a ball that slides, from that before it."""
+    return along - FRICTION * (1.0 + RESTITUTION) * APPROACH
+
+
+def _ball(along_mm_s: float, expected: float) -> Drop:
+    """A ball that flies along as it falls."""
+    start = {"velocity_mm_s": [along_mm_s, 0.0, 0.0]}
+    return Drop({"shape": "ball", "diameter_mm": 3.0}, start, lambda of, seed: _ball_impact(of, seed, expected))
+
+
 FLAT_DROP = Drop({"shape": "hex_nut", "size": "M2.5"}, {}, _flat_drop)
-SLIDING_IMPACT = Drop({"shape": "ball", "diameter_mm": 3.0}, {"velocity_mm_s": [SLIDE_MM_S, 0.0, 0.0]}, _sliding_impact)
+SLIDING_IMPACT = _ball(SLIDE_MM_S, slid(1e-3 * SLIDE_MM_S))
+STICKING_IMPACT = _ball(STICK_MM_S, 5.0 / 7.0 * 1e-3 * STICK_MM_S)

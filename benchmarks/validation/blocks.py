@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import csv
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +22,7 @@ import trimesh
 
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Contact
-from feeder_sim.studies.drops import Share, Throw, drop
+from feeder_sim.studies.drops import Engine, Share, Throw, drop
 
 SIDE = 12e-3  # y [m]; only the ratio counts, as all of the throw follows from the size
 STEEL = 7850.0
@@ -48,9 +49,11 @@ class Block:
         vertices, inertia = np.array(mesh.vertices), mass * (squares.sum() - squares) / 12.0
         return RigidPart("block", mass, inertia, vertices, 0.0, vertices, np.array(mesh.faces))
 
-    def computed(self, throws: int, throw: Throw | None = None, contact: Contact | None = None) -> float:
+    def computed(
+        self, throws: int, throw: Throw | None = None, contact: Contact | None = None, engine: Engine = "impulse"
+    ) -> float:
         """Share of so many throws, or drops at rest, after which a square face is up."""
-        study = drop(self.part(), throws, throw=throw, contact=contact)
+        study = drop(self.part(), throws, throw=throw, contact=contact, engine=engine)
         return sum(share.value for share in study.shares if self._on_square(share))
 
     def _on_square(self, share: Share) -> bool:
@@ -78,6 +81,15 @@ def blocks() -> list[Block]:
 def rms(differences: list[float]) -> float:
     """Root of the mean square."""
     return math.sqrt(sum(each**2 for each in differences) / len(differences))
+
+
+def rms_beyond_chance(rolled: Sequence[Block], shares: Sequence[float], throws: int) -> tuple[float, float]:
+    """Difference to the measured shares (rms) without what the throws scatter, and its standard error."""
+    off = np.array([share - (block.share or 0.0) for block, share in zip(rolled, shares, strict=True)])
+    variance = np.array([max(share * (1.0 - share), 1.0 / throws) / throws for share in shares])
+    square = max(float((off**2 - variance).mean()), 0.0)
+    se = math.sqrt(float((4.0 * off**2 * variance + 2.0 * variance**2).sum())) / len(rolled)
+    return math.sqrt(square), se / max(2.0 * math.sqrt(square), math.sqrt(se))
 
 
 def main() -> None:

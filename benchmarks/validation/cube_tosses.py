@@ -175,14 +175,14 @@ def _toss(row: dict[str, str], line: int, path: Path) -> Toss:
 
 
 def toss_scenario(
-    toss: Toss, engine: Engine = "impulse", *, steps: int = STEPS, friction: float = FRICTION
+    toss: Toss, engine: Engine = "impulse", *, steps: int | None = STEPS, friction: float = FRICTION
 ) -> tuple[Scenario, float]:
     """The scenario of a toss, and by how much its start was lifted out of the board [m].
 
     Args:
         toss: measured.
         engine: that is to compute it.
-        steps: in 4 ms, see `run.steps_per_period`.
+        steps: in 4 ms, see `run.steps_per_period`; None for the engine without a step.
         friction: of cube and board.
     """
     half = 0.5 * EDGE_MM
@@ -212,7 +212,7 @@ def toss_scenario(
         contact=Contact(restitution=RESTITUTION, friction=friction),
         run=Run(
             engine=engine,
-            duration_s=toss.duration + 1.0 / (STILL_HZ * steps),
+            duration_s=toss.duration + 1.0 / (STILL_HZ * (steps or STEPS)),
             seeds=1,
             steps_per_period=steps,
             frames_per_second=rate,
@@ -226,7 +226,7 @@ def compute_tosses(
     tosses: Sequence[Toss],
     engine: Engine = "impulse",
     *,
-    steps: int = STEPS,
+    steps: int | None = STEPS,
     friction: float = FRICTION,
     progress: Callable[[float], None] | None = None,
 ) -> TossStudy:
