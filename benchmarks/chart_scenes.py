@@ -328,7 +328,7 @@ def throw_rows(quick: bool) -> Iterator[Row]:
     for engine in ENGINES:
         started, throws = time.perf_counter(), 20 if quick else THROWS
         rolled = [block for block in blocks() if block.share is not None]
-        shares = [block.computed(throws, Throw.of(block.part()), engine=engine) for block in rolled]
+        shares = [block.computed(throws, Throw.of(block.part()), engine=engine, work=Work(1)) for block in rolled]
         wall = (time.perf_counter() - started) / (throws * len(rolled))
         default = wall if math.isnan(default) else default
         rms, se = (100.0 * each for each in rms_beyond_chance(rolled, shares, throws))
@@ -339,9 +339,9 @@ def throw_rows(quick: bool) -> Iterator[Row]:
 
 
 def throw_wall_s() -> float:
-    """Per throw [s], with all cores."""
+    """Per throw [s]."""
     started, block = time.perf_counter(), blocks()[2]
-    block.computed(200, Throw.of(block.part()))
+    block.computed(200, Throw.of(block.part()), work=Work(1))
     return (time.perf_counter() - started) / 200
 
 

@@ -21,6 +21,7 @@ import numpy as np
 import trimesh
 
 from feeder_sim.part.rigid_part import RigidPart
+from feeder_sim.pool.work import Work
 from feeder_sim.scenario import Contact
 from feeder_sim.studies.drops import Engine, Share, Throw, drop
 
@@ -50,10 +51,16 @@ class Block:
         return RigidPart("block", mass, inertia, vertices, 0.0, vertices, np.array(mesh.faces))
 
     def computed(
-        self, throws: int, throw: Throw | None = None, contact: Contact | None = None, engine: Engine = "impulse"
+        self,
+        throws: int,
+        throw: Throw | None = None,
+        contact: Contact | None = None,
+        *,
+        engine: Engine = "impulse",
+        work: Work | None = None,
     ) -> float:
         """Share of so many throws, or drops at rest, after which a square face is up."""
-        study = drop(self.part(), throws, throw=throw, contact=contact, engine=engine)
+        study = drop(self.part(), throws, throw=throw, contact=contact, engine=engine, work=work)
         return sum(share.value for share in study.shares if self._on_square(share))
 
     def _on_square(self, share: Share) -> bool:
