@@ -1,21 +1,25 @@
-"""Where engines fail: maps over two settings whose cells are stable, biased, exploding or tunnelling.
+"""Where engines fail: one picture per engine, of maps over two settings.
 
     python benchmarks/stability_maps.py [--quick] [--redraw] [--out benchmarks/chart]
 
-A nut starts half way between antinode and node of a standing wave, and its mean velocity over a short time is compared
-with that of the impulses at the finest step. Each cell of a map is a scenario, with one state:
+Drift: a nut starts half way between antinode and node of a standing wave; its mean velocity over a short time is
+compared with that without a step at the finest tolerance. Fall: a nut falls flat onto a plate at rest and leaves with e
+times its speed. Stack: boxes stand on each other on a plate at rest, the uppermost of another mass. Each cell is a
+scenario with one state, the worst that applies:
 
-    tunnelling  the guard stopped the run because a centre or a corner lay too deep below the surface
-    exploding   the guard stopped the run for its energy, or the nut rose many times as high as in the reference
-    biased      the drift differs by more than `BIAS` and by more than two standard errors from the reference
-    unclear     none of these, but the standard error is larger than `BIAS`
+    tunnelling  the guard stopped the run because a centre or a corner lay too deep below the surface, or a part sank
+    exploding   the guard stopped the run for its energy, or a part rose that had no energy to
+    biased      drift or rebound differ by more than `BIAS` and by more than two standard errors, or a stack creeps
+    unclear     the standard error is larger than `BIAS`
     stable      none of these
 
-Writes stability.csv, .json, .png and .svg to the folder; with --redraw only the pictures, of the CSV file there.
+Writes stability.csv, .json and stability_ENGINE.png and .svg to the folder; with --redraw only the pictures, of the CSV
+file there.
 """
 
 from __future__ import annotations
 
+import copy
 import csv
 import json
 import math
@@ -28,9 +32,11 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from chart_cases import CONTACT, Raw, strip
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import empty_figure
 from feeder_sim.errors import Divergence
 from feeder_sim.measures.statistic import Statistic
@@ -46,8 +52,12 @@ DURATION_S = 0.5
 SEEDS, MUJOCO_SEEDS, QUICK_SEEDS = 48, 6, 2
 FAST, SLOW = 8775.0, 4750.0  # [Hz]
 SLOW_HALF_WAY_MM = 9.7  # from the antinode at the lower frequency
-FINEST = 160  # steps per period of a reference
-COLUMNS = 3  # of the picture
+FINEST_NM = 0.01  # tolerance of a reference
+ENGINES = ("no step", "steps", "MuJoCo")
+BOX_MM, OFFSET_MM = (5.0, 5.0, 2.0), 0.5  # each box the other way
+STACK_S, LEAST_G = 0.5, 0.4
+SUNK_MM, CREPT_MM = 0.05, 0.05  # of a stack that does not stand
+COLUMNS, MOST_IN_TWO = 3, 4  # of a picture; maps that stand in two columns
 
 
 class State(StrEnum):
@@ -70,21 +80,26 @@ STATE_COLOURS = {
 # The state of a cell; the relative deviation of its drift from the reference, NaN where none is defined; and the
 # reason for the state, empty for a stable cell.
 Verdict = tuple[State, Statistic, str]
-Change = Callable[[Raw, int], None]  # turns a scenario into that of a method, at a number of steps per period
+Change = Callable[[Raw, float], None]  # turns a scenario into that of a method, at steps per period or a tolerance
 
 
-def steps(raw: Raw, setting: int) -> None:
+def steps(raw: Raw, setting: float) -> None:
     """Impulses with default settings."""
-    raw["run"] |= {"steps_per_period": setting, "engine": "impulse"}
+    raw["run"] |= {"steps_per_period": int(setting), "engine": "impulse"}
     if setting < 20:
         raw["run"]["allow_unstable"] = True
+
+
+def no_step(raw: Raw, setting: float) -> None:
+    """Impulses without a step, at a tolerance [nm]."""
+    raw["run"] |= {"engine": "impulse", "tolerance_nm": setting}
 
 
 def mujoco(**settings: object) -> Change:
     """MuJoCo with values in the table [mujoco] that differ from the defaults of the package."""
 
-    def change(raw: Raw, setting: int) -> None:
-        raw["run"] |= {"steps_per_period": setting, "engine": "mujoco"}
+    def change(raw: Raw, setting: float) -> None:
+        raw["run"] |= {"steps_per_period": int(setting), "engine": "mujoco"}
         raw["mujoco"] = dict(settings)
 
     return change
@@ -93,7 +108,7 @@ def mujoco(**settings: object) -> Change:
 def soft(time_constant_ms: float) -> Change:
     """MuJoCo's spring-damper contact with a time constant that does not depend on the step."""
 
-    def change(raw: Raw, setting: int) -> None:
+    def change(raw: Raw, setting: float) -> None:
         mujoco()(raw, setting)
         raw["contact"] |= {"model": "compliant", "time_constant_us": 1e3 * time_constant_ms}
 
@@ -103,7 +118,7 @@ def soft(time_constant_ms: float) -> Change:
 def compliant(steps_per_constant: int, **settings: object) -> Change:
     """MuJoCo's spring-damper contact with a time constant of a number of steps."""
 
-    def change(raw: Raw, setting: int) -> None:
+    def change(raw: Raw, setting: float) -> None:
         step_ms = 1e3 / (raw["drive"][0]["frequency_hz"] * setting)
         soft(steps_per_constant * step_ms * (1 + 1e-9))(raw, setting)
         raw["mujoco"] = dict(settings)
@@ -125,18 +140,18 @@ class StabilityMap:
     """A map over two settings.
 
     Attributes:
+        engine: whose picture it stands in.
         name, title: in files and in the picture.
         x, y: the axes.
-        scenario: makes the scenario of a cell from its x and y.
-        reference: makes the scenario with which it is compared; None where only tunnelling is of interest.
+        verdict: on the cell of an x and a y; quick with few seeds.
     """
 
+    engine: str
     name: str
     title: str
     x: Axis
     y: Axis
-    scenario: Callable[[float, float], Raw]
-    reference: Callable[[float, float], Raw] | None
+    verdict: Callable[[float, float, bool], Verdict]
 
     def settings(self, *, quick: bool) -> list[tuple[float, float]]:
         """The x and y of all cells, row by row."""
@@ -145,12 +160,7 @@ class StabilityMap:
 
     def judge(self, x: float, y: float, *, quick: bool) -> Verdict:
         """Compute the cell of two settings; `quick` with few seeds."""
-        reference = None
-        if self.reference is not None:
-            reference = _reference(json.dumps(self.reference(x, y)), QUICK_SEEDS if quick else SEEDS)
-        raw = self.scenario(x, y)
-        few = QUICK_SEEDS if quick or reference is None else MUJOCO_SEEDS
-        return classify(_run(raw, few if quick or raw["run"]["engine"] == "mujoco" else SEEDS), reference)
+        return self.verdict(x, y, quick)
 
 
 @dataclass(frozen=True)
@@ -198,22 +208,92 @@ def half_way(frequency: float, amplitude_um: float = 1.0, **contact: float) -> R
 
 def made_by(change: Change, setting: float, raw: Raw) -> Raw:
     """Change a scenario in place to that of a method at a setting, and return it."""
-    change(raw, int(setting))
+    change(raw, setting)
     return raw
 
 
-def _finest(raw: Raw) -> Raw:
-    """The scenario of the reference: impulses at the finest step."""
-    return made_by(steps, FINEST, raw)
+def _drift(raw: Raw, quick: bool) -> Callable[[Change, float], Verdict]:
+    """Judges methods at a setting by the drift of a scenario."""
+
+    def judged(change: Change, setting: float) -> Verdict:
+        finest = made_by(no_step, FINEST_NM, copy.deepcopy(raw))
+        reference = _reference(json.dumps(finest), QUICK_SEEDS if quick else SEEDS)
+        of_method = made_by(change, setting, copy.deepcopy(raw))
+        seeds = MUJOCO_SEEDS if of_method["run"]["engine"] == "mujoco" else SEEDS
+        return classify(_run(of_method, QUICK_SEEDS if quick else seeds), reference)
+
+    return judged
 
 
-def falling(speed: float, change: Change, steps_per_ms: int) -> Raw:
+def _fall(speed: float, change: Change, setting: float) -> Verdict:
+    """Judges the rebound of a nut that falls flat, by restitution times its speed."""
+    result = _run(falling(speed, change, setting), 1)
+    verdict = classify(result, None)
+    if verdict[0] != State.STABLE:
+        return verdict
+    velocity = result.seeds[0].frames.velocity[:, 0, 2]
+    approach = math.sqrt(speed**2 + 2.0 * GRAVITY * 1e-4)  # from 0.1 mm
+    rebound = float(velocity.max()) / (CONTACT["restitution"] * approach)
+    return by_deviation(Statistic(rebound - 1.0, math.nan, 0.0, 1))
+
+
+def stacked(count: int, ratio: float, change: Change, setting: float) -> Raw:
+    """Boxes on each other on a plate at rest, the uppermost so many times as heavy as each other one."""
+    raw: Raw = {
+        "plate": {"kind": "still", "length_mm": 100.0, "width_mm": 100.0},
+        "part": [
+            {
+                "shape": "box",
+                "size_mm": list(BOX_MM),
+                "mass_g": LEAST_G * (ratio if k == count - 1 else 1.0),
+                "inertia_g_mm2": [LEAST_G * (ratio if k == count - 1 else 1.0) * i for i in _box_inertia()],
+                "start": {
+                    "kind": "state",
+                    "position_mm": [OFFSET_MM * (-1) ** k, 0.0, (k + 0.5) * BOX_MM[2] + 1e-3 * (k + 1)],
+                },
+            }
+            for k in range(count)
+        ],
+        "contact": CONTACT | {"part_restitution": CONTACT["restitution"], "part_friction": CONTACT["friction"]},
+        "run": {"duration_s": STACK_S, "allow_unstable": True, "frames_per_second": 200.0},
+    }
+    return made_by(change, setting, raw)
+
+
+def _height_mm(k: int) -> float:
+    """Of the centre of a box of a stack, a micrometre over the one below."""
+    return (k + 0.5) * BOX_MM[2] + 1e-3 * (k + 1)
+
+
+def _box_inertia() -> list[float]:
+    """Of a box of 1 g [g mm2]."""
+    squares = [side**2 for side in BOX_MM]
+    return [(sum(squares) - square) / 12.0 for square in squares]
+
+
+def _stack(count: float, ratio: float, change: Change, setting: float) -> Verdict:
+    """Judges whether a stack stands: nothing sinks, creeps or rises."""
+    result = _run(stacked(int(count), ratio, change, setting), 1)
+    verdict = classify(result, None)
+    if verdict[0] != State.STABLE:
+        return verdict
+    place, undefined = 1e3 * result.seeds[0].frames.position, Statistic(math.nan, math.nan, math.nan, 0)
+    moved = place - place[0]
+    if -moved[:, :, 2].min() > SUNK_MM:
+        return State.TUNNELLING, undefined, f"sinks by {-moved[:, :, 2].min():.2g} mm"
+    if moved[:, :, 2].max() > SUNK_MM:
+        return State.EXPLODING, undefined, f"rises by {moved[:, :, 2].max():.2g} mm"
+    crept = float(np.hypot(moved[:, :, 0], moved[:, :, 1]).max())
+    return (State.STABLE, undefined, "") if crept < CREPT_MM else (State.BIASED, undefined, f"creeps by {crept:.2g} mm")
+
+
+def falling(speed: float, change: Change, setting: float) -> Raw:
     """A nut that falls onto a plate of 3 mm at rest.
 
     Args:
         speed: of the nut at the start, 0.1 mm above the plate [m/s].
         change: the method.
-        steps_per_ms: its solver steps per millisecond.
+        setting: its solver steps per millisecond, or its tolerance [nm].
     """
     start = {"drop_height_mm": 0.1, "tilt_deg": 0.0, "velocity_mm_s": [0.0, 0.0, -1e3 * speed]}
     raw: Raw = {
@@ -221,9 +301,9 @@ def falling(speed: float, change: Change, steps_per_ms: int) -> Raw:
         "drive": [{"frequency_hz": 1000.0, "amplitude_um": 0.0}],
         "part": [{"shape": "hex_nut", "size": "M2.5", "start": start}],
         "contact": dict(CONTACT),
-        "run": {"duration_s": 0.1, "allow_unstable": True, "frames_per_second": 1000.0},
+        "run": {"duration_s": 0.1, "allow_unstable": True, "frames_per_second": 10000.0},
     }
-    return made_by(change, steps_per_ms, raw)
+    return made_by(change, setting, raw)
 
 
 STEPS = Axis("steps per period", (5, 10, 20, 40, 80), (10, 40))
@@ -231,52 +311,76 @@ RESTITUTION = Axis("restitution", (0.0, 0.1, 0.2, 0.4, 0.6), (0.2, 0.4))
 FREQUENCY = Axis("frequency (Hz)", (2000, 4750, 8775, 12000), (4750,))
 AMPLITUDE = Axis("amplitude (µm)", (0.3, 1, 3, 10), (1, 10))
 SPEED = Axis("speed of the impact (m/s)", (0.1, 0.3, 1, 3, 10), (1, 10))
+TOLERANCE = Axis("tolerance (nm)", (0.01, 0.1, 1, 10, 100), (0.1, 10))
+PER_MS = Axis("steps per millisecond", (5, 10, 20, 40, 80), (10, 40))
+BOXES = Axis("boxes", (2, 4, 6, 8, 12), (2, 4))
+RATIO = Axis("mass of the uppermost over the others", (0.01, 1, 10, 100, 1000), (1, 10))
 
 
-def _over_steps(name: str, title: str, change: Change) -> StabilityMap:
-    """The map of a method over its steps and the restitution."""
+def _over_steps(engine: str, change: Change, x: Axis = STEPS) -> StabilityMap:
+    """Drift over the setting of a method and the restitution."""
     return StabilityMap(
-        name,
-        f"{title}, 8775 Hz",
-        STEPS,
+        engine,
+        f"{engine}: drift, setting",
+        "drift at 8775 Hz",
+        x,
         RESTITUTION,
-        lambda x, y: made_by(change, x, half_way(FAST, restitution=y)),
-        lambda x, y: _finest(half_way(FAST, restitution=y)),
+        lambda x, y, quick: _drift(half_way(FAST, restitution=y), quick)(change, x),
     )
 
 
-def _over_drives(name: str, title: str, change: Change) -> StabilityMap:
-    """The map of a method over the frequency and the amplitude of the drive."""
+def _over_drives(engine: str, change: Change, setting: float, words: str) -> StabilityMap:
+    """Drift over the frequency and the amplitude of the drive."""
     return StabilityMap(
-        name,
-        f"{title}, 40 steps per period",
+        engine,
+        f"{engine}: drift, drive",
+        f"drift, {words}",
         FREQUENCY,
         AMPLITUDE,
-        lambda x, y: made_by(change, 40, half_way(x, y)),
-        lambda x, y: _finest(half_way(x, y)),
+        lambda x, y, quick: _drift(half_way(x, y), quick)(change, setting),
     )
 
 
+def _over_falls(engine: str, change: Change, y: Axis) -> StabilityMap:
+    """Rebound over the speed of a fall and the setting."""
+    return StabilityMap(engine, f"{engine}: fall", "rebound of a fall", SPEED, y, lambda x, y, _: _fall(x, change, y))
+
+
+def _over_stacks(engine: str, change: Change, setting: float, words: str) -> StabilityMap:
+    """A stack over its boxes and the mass of the uppermost."""
+    name, title = f"{engine}: stack", f"a stack, {words}"
+    return StabilityMap(engine, name, title, BOXES, RATIO, lambda x, y, _: _stack(x, y, change, setting))
+
+
+NO_STEP, IN_STEPS, IN_MUJOCO = ENGINES
 MAPS = (
+    _over_steps(NO_STEP, no_step, TOLERANCE),
+    _over_drives(NO_STEP, no_step, 0.1, "0.1 nm"),
+    _over_falls(NO_STEP, no_step, TOLERANCE),
+    _over_stacks(NO_STEP, no_step, 0.1, "0.1 nm"),
+    _over_steps(IN_STEPS, steps),
+    _over_drives(IN_STEPS, steps, 40, "40 steps"),
+    _over_falls(IN_STEPS, steps, PER_MS),
+    _over_stacks(IN_STEPS, steps, 40, "40 steps in 4 ms"),
+    _over_steps(IN_MUJOCO, mujoco()),
+    _over_drives(IN_MUJOCO, mujoco(), 40, "40 steps"),
+    _over_falls(IN_MUJOCO, mujoco(), PER_MS),
+    _over_stacks(IN_MUJOCO, mujoco(), 40, "40 steps in 4 ms"),
     StabilityMap(
-        "compliant",
-        "MuJoCo, compliant contact, 8775 Hz",
+        IN_MUJOCO,
+        "MuJoCo: compliant, drift",
+        "compliant contact: drift at 8775 Hz",
         STEPS,
         Axis("time constant (steps)", (1, 2, 5, 10, 20), (1, 5)),
-        lambda x, y: made_by(compliant(int(y), refsafe=False), x, half_way(FAST)),
-        lambda x, y: _finest(half_way(FAST)),
+        lambda x, y, quick: _drift(half_way(FAST), quick)(compliant(int(y), refsafe=False), x),
     ),
-    _over_steps("mujoco", "MuJoCo", mujoco()),
-    _over_steps("impulses", "impulses", steps),
-    _over_drives("mujoco_drive", "MuJoCo", mujoco()),
-    _over_drives("impulses_drive", "impulses", steps),
     StabilityMap(
-        "falling",
-        "MuJoCo, compliant contact with a plate of 3 mm",
+        IN_MUJOCO,
+        "MuJoCo: compliant, fall",
+        "compliant contact: fall on a plate of 3 mm",
         SPEED,
         Axis("time constant (ms)", (0.1, 0.3, 1, 3, 10), (0.3, 10)),
-        lambda x, y: falling(x, soft(y), max(20, math.ceil(20.0 / y))),
-        None,
+        lambda x, y, _: classify(_run(falling(x, soft(y), max(20, math.ceil(20.0 / y))), MUJOCO_SEEDS), None),
     ),
 )
 
@@ -353,22 +457,26 @@ def read_cells(folder: Path) -> list[MapCell]:
 
 
 def draw_stability(cells: Sequence[MapCell], folder: Path) -> None:
-    """Draw the maps: the colour shows the state, the number the deviation of the drift in percent."""
+    """Draw the maps, a picture per engine: the colour shows the state, the number the deviation in percent."""
     from matplotlib.patches import Patch
 
-    maps = [of for of in MAPS if any(cell.map == of.name for cell in cells)]
-    columns = min(COLUMNS, len(maps))
-    rows = math.ceil(len(maps) / columns)
-    figure = empty_figure(4.6 * columns, 3.6 * rows + 0.6)
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for spare in panels[len(maps) :]:
-        spare.set_axis_off()
-    for axes, of in zip(panels, maps, strict=False):
-        _draw_map(axes, of, [cell for cell in cells if cell.map == of.name])
-    handles = [Patch(color=colour, label=str(state)) for state, colour in STATE_COLOURS.items()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
-    for suffix in (".png", ".svg"):
-        figure.savefig((folder / "stability").with_suffix(suffix), dpi=130)
+    for engine in ENGINES:
+        maps = [of for of in MAPS if of.engine == engine and any(cell.map == of.name for cell in cells)]
+        if not maps:
+            continue
+        columns = COLUMNS if len(maps) > MOST_IN_TWO else 2
+        rows = math.ceil(len(maps) / columns)
+        figure = empty_figure(4.6 * columns, 3.6 * rows + 0.6)
+        panels = figure.subplots(rows, columns, squeeze=False).ravel()
+        for spare in panels[len(maps) :]:
+            spare.set_axis_off()
+        for axes, of in zip(panels, maps, strict=False):
+            _draw_map(axes, of, [cell for cell in cells if cell.map == of.name])
+        figure.suptitle(engine)
+        handles = [Patch(color=colour, label=str(state)) for state, colour in STATE_COLOURS.items()]
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+        for suffix in (".png", ".svg"):
+            figure.savefig((folder / f"stability_{engine.replace(' ', '_').lower()}").with_suffix(suffix), dpi=130)
 
 
 def _draw_map(axes: Any, of: StabilityMap, cells: Sequence[MapCell]) -> None:

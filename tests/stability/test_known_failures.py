@@ -70,7 +70,7 @@ def test_discrete_integrator_takes_the_rebound_out() -> None:
 
 
 def test_without_in_plane_velocity_drift_is_a_third_or_less() -> None:
-    def height_field(raw: dict[str, Any], setting: int) -> None:
+    def height_field(raw: dict[str, Any], setting: float) -> None:
         steps(raw, setting)
         raw["run"]["in_plane_velocity"] = False
 
