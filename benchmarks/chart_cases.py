@@ -1,7 +1,6 @@
 """Cases that the other simulators and the tests of known failures compute, each with its closed form.
 
-bouncing ball   free ball on a 50 Hz shaker, period one (Holmes 1982): the plate moves at w = g T/2 (1-e)/(1+e) when
-                it is hit, so that the ball rises to g T^2/8 + A sin(phi) with A omega cos(phi) = w
+bouncing ball   free ball on a 50 Hz shaker, period one (Holmes 1982): conformance/right_values.py
 flat drop       a nut landing flat leaves with e v and without spin
 sliding impact  a ball that slides throughout leaves with e v_n and v_t - mu (1+e) v_n
 drift           transport speed of a nut on a standing wave; nobody knows the right number
@@ -59,20 +58,6 @@ class Drop:
             "contact": dict(CONTACT),
             "run": {"duration_s": DROP_S, "seeds": 1, "frames_per_second": 5000.0},
         }
-
-
-def ball_height(frequency: float, amplitude: float, restitution: float) -> float:
-    """Largest height [m] of a ball in period one over its place on the resting plate, by the formula of the module.
-
-    Args:
-        frequency: of the plate [Hz].
-        amplitude: of the plate [m].
-        restitution: coefficient [1].
-    """
-    period = 1.0 / frequency
-    plate_velocity = 0.5 * GRAVITY * period * (1.0 - restitution) / (1.0 + restitution)
-    cosine = plate_velocity / (2.0 * math.pi * frequency * amplitude)
-    return GRAVITY * period**2 / 8.0 + amplitude * math.sqrt(1.0 - cosine**2)
 
 
 def strip(frequency: float, amplitude_um: float, x_mm: float) -> Raw:

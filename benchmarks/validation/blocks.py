@@ -2,10 +2,10 @@
 
     python benchmarks/validation/blocks.py [--throws 2000] [--drops]
 
-Data: Budden, Math. Gaz. 64 (1980) 196, in blocks.csv; of the ratios x/y without a share there is a prediction alone.
-How the blocks were rolled is not known. One throw is taken for all, the default one of `feeder-sim part --throws`, with
-the default contact; nothing is fitted. The range is that of throws from half and twice the height, with half and twice
-the spin, and with restitutions of 0.1 and 0.4. `--drops`: dropped at rest, besides.
+Data: Budden, Math. Gaz. 64 (1980) 196, in conformance/blocks.csv; of ratios x/y without a share there is a prediction
+alone. How the blocks were rolled is not known. One throw is taken for all, the default of `feeder-sim part --throws`,
+with the default contact; nothing is fitted. The range is that of throws from half and twice the height, with half and
+twice the spin, and with restitutions of 0.1 and 0.4. `--drops`: dropped at rest, besides.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ import trimesh
 
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Contact
-from feeder_sim.studies.drops import Share, Throw, drop
+from feeder_sim.studies.drops import Engine, Share, Throw, drop
 
 SIDE = 12e-3  # y [m]; only the ratio counts, as all of the throw follows from the size
 STEEL = 7850.0
+MEASURED = Path(__file__).parents[2] / "conformance" / "blocks.csv"
 
 
 @dataclass(frozen=True)
@@ -48,9 +49,15 @@ class Block:
         vertices, inertia = np.array(mesh.vertices), mass * (squares.sum() - squares) / 12.0
         return RigidPart("block", mass, inertia, vertices, 0.0, vertices, np.array(mesh.faces))
 
-    def computed(self, throws: int, throw: Throw | None = None, contact: Contact | None = None) -> float:
+    def computed(
+        self,
+        throws: int,
+        throw: Throw | None = None,
+        contact: Contact | None = None,
+        engine: Engine = "impulse",
+    ) -> float:
         """Share of so many throws, or drops at rest, after which a square face is up."""
-        study = drop(self.part(), throws, throw=throw, contact=contact)
+        study = drop(self.part(), throws, throw=throw, contact=contact, engine=engine)
         return sum(share.value for share in study.shares if self._on_square(share))
 
     def _on_square(self, share: Share) -> bool:
@@ -68,7 +75,7 @@ class Block:
 
 def blocks() -> list[Block]:
     """Those that were rolled, in order of their ratios."""
-    with Path(__file__).with_name("blocks.csv").open(encoding="utf-8") as file:
+    with MEASURED.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     return [
         Block(float(row["ratio"]), int(row["rolls"]), float(row["share"]) if row["share"] else None) for row in rows
