@@ -49,7 +49,7 @@ SEEDS = {  # by engine, of a result
     "exact": {"piston_zero": 96, "drift_4750": 48, "drift_8775": 128},
     "mujoco": {"piston_zero": 12, "drift_4750": 4, "drift_8775": 12},
 }
-THROWS: dict[str, tuple[Engine, int]] = {"exact": ("impulse", 2000), "mujoco": ("mujoco", 200)}  # of each block
+THROWS: dict[str, tuple[Engine, int]] = {"exact": ("impulse", 2000), "mujoco": ("mujoco", 1000)}  # of each block
 SLOW_HZ = 4.0  # of a plate whose speed is constant to 0.12 % for the two milliseconds that matter
 MOST_STEPS = 10_000  # per period, that a scenario allows
 FRAMES = {  # per second
@@ -246,6 +246,8 @@ def _settings(name: str, engine: str, *, quick: bool) -> tuple[int, ...]:
         return (40,) if engine == "slide" else (0,)
     if name == "rising_plate":
         return (20, int(MOST_STEPS * SLOW_HZ / PER_MS))
+    if "sweep" in case(name):
+        return (40,) if quick else (40, 160)
     return (40, 160) if quick else (20, 40, 80, 160, 320)
 
 
@@ -262,8 +264,9 @@ def _results(engine: str, name: str, *, quick: bool) -> Sequence[Result]:
         if engine not in THROWS:
             return []
         drops, throws = THROWS[engine]
-        value, se = rms_of_blocks(drops, throws // (5 if quick else 1))
-        return [Result(name, "rms_difference", value, se, of)]
+        throws //= 2 if quick else 1
+        value, se = rms_of_blocks(drops, throws)
+        return [Result(name, "rms_difference", value, se, of, n=throws)]
     results = []
     if name in OBSERVERS:
         for steps in _settings(name, engine, quick=quick):
