@@ -30,11 +30,6 @@ from feeder_sim.scenario import load_scenario
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(f"docs/{page.name}" for page in REPOSITORY.glob("docs/*.md"))]
 # Whose links are looked at, too.
 MORE_PAGES = ["CHANGELOG.md", "models/README.md", "benchmarks/peers/README.md", "conformance/README.md"]
-    "CHANGELOG.md",
-    "models/README.md",
-    "benchmarks/peers/README.md",
-    "conformance/README.md",
-]  # whose links are looked at, too
 COPIED = ("scenarios", "models", "docs/tutorial", "docs/examples", "benchmarks/validation", "conformance")
 SCRIPTS = ("benchmarks/", "conformance/", "docs/figures/", "docs/examples/")
 SLOW = "# takes minutes"
