@@ -156,7 +156,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.motion:
             name, path = options.motion
             numbers = observed_file(name, Path(path), every_step=options.every_step)
-            print("case,quantity,value,se", *(f"{name},{q},{v:.6g}," for q, v in numbers.items()), sep="\n")
+            print("case,quantity,value,se,failure")
+            for quantity, value in numbers.items():
+                print(f"{name},{quantity}," + (f"{value:.6g},," if math.isfinite(value) else ",,thrown off"))
             return 0
         rows = read_set()
         text = table(rows, [result for path in options.results for result in read_results(path, rows)])

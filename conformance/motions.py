@@ -26,6 +26,7 @@ ATTITUDE, BODY = ("qw", "qx", "qy", "qz"), "body"  # columns that only some case
 NUT_HALF_HEIGHT = float(part("nut").corners[:, 2].max())
 NUT_CORNER = float(np.hypot(*part("nut").corners[0, :2]))  # from its axis [m]
 BALL = part("ball").radius
+SHORTER = 0.01  # of the duration, that a motion may lack: that much may be left between two rows
 
 
 @dataclass(frozen=True)
@@ -303,15 +304,22 @@ def observed_file(name: str, path: Path, *, every_step: bool = False) -> Quantit
     """
     if name not in OBSERVERS:
         raise ConformanceError(not_a_name(name, OBSERVERS), place="--motion")
-    motions = read_motions(path, every_step=every_step)
+    motions, tables = read_motions(path, every_step=every_step), case(name)
     if len(motions) != motions_of(name):
         problem = f"has {len(motions)} motions, must have {motions_of(name)} for {name}"
         raise ConformanceError(problem, path, f"column {BODY}")
+    for motion in motions:
+        if motion.time[-1] < (1.0 - SHORTER) * tables["duration_s"]:
+            problem = f"ends at {motion.time[-1]:g} s, must reach {tables['duration_s']:g} s"
+            raise ConformanceError(problem, path, "column time")
+        if "sweep" not in tables and not np.array_equal(motion.time, motions[0].time):
+            raise ConformanceError(f"differs between bodies of {name}, must be the same", path, "column time")
     try:
         return OBSERVERS[name](*motions)
-    except (ConformanceError, IndexError, ValueError) as error:
-        reason = str(error) if isinstance(error, ConformanceError) else f"is too short for {name}"
-        raise ConformanceError(reason, path) from error
+    except ConformanceError as error:
+        raise ConformanceError(str(error), path) from error
+    except (IndexError, ValueError, ZeroDivisionError) as error:
+        raise ConformanceError(f"has too few rows for {name}", path) from error
 
 
 def read_motions(path: Path, *, every_step: bool = False) -> list[Motion]:

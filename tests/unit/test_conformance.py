@@ -317,6 +317,7 @@ def test_the_command_runs_an_engine_and_judges_it(tmp_path: Path, capsys: pytest
 
 
 MOTION = "time,x,y,z,vx,vy,vz,wx,wy,wz\n"
+BODIES = MOTION.replace("\n", ",body\n")
 
 
 @pytest.mark.parametrize(
@@ -327,7 +328,10 @@ MOTION = "time,x,y,z,vx,vy,vz,wx,wy,wz\n"
         ("slide", MOTION + "0,0,0,fast" + ",0" * 6 + "\n", "line 2, column z: is 'fast', must be a finite number"),
         ("slide", MOTION + 2 * ("0" + ",0" * 9 + "\n"), "line 3, column time: is 0, must be above 0, the time before"),
         ("two_parts_meet", MOTION + "0" + ",0" * 9 + "\n", "column body: has 1 motions, must have 2"),
-        ("throw", MOTION + "0" + ",0" * 9 + "\n", "is too short for throw"),
+        ("throw", MOTION + "0" + ",0" * 9 + "\n", "column time: ends at 0 s, must reach 3 s"),
+        ("slide_to_rest", MOTION + "0.5" + ",0" * 9 + "\n", "has too few rows for slide_to_rest"),
+        ("two_parts_meet", BODIES + "0.02,0\n0.03,1\n".replace(",", ",0" * 9 + ","), "column time: differs between"),
+        ("heap_at_rest", BODIES + "".join(f"1{',0' * 9},{i}\n" for i in range(12)), "attitudes: are missing"),
         ("slide", MOTION.strip() + ",qw\n0" + ",0" * 10 + "\n", "attitudes: are incomplete, needed are all of qw"),
     ],
 )
@@ -339,6 +343,17 @@ def test_malformed_motions_are_refused_in_one_line(
     assert judge.main(["--motion", name, str(path)]) == 2
     message = capsys.readouterr().err
     assert named in message and message.count("\n") == 1
+
+
+def test_a_ball_that_is_thrown_off_has_no_top(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rows: list[Row]
+) -> None:
+    lines = "\n".join(f"{0.01 * i},0,0,{i},0,0,1,0,0,0" for i in range(301))
+    (tmp_path / "motion.csv").write_text(f"{MOTION}{lines}\n", encoding="utf-8")
+    assert judge.main(["--motion", "throw", str(tmp_path / "motion.csv")]) == 0
+    (tmp_path / "mine.csv").write_text(capsys.readouterr().out, encoding="utf-8")
+    (result,) = read_results(tmp_path / "mine.csv", rows)
+    assert result.failure == "thrown off" and math.isnan(result.value)
 
 
 def test_every_case_has_its_starts() -> None:
