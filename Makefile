@@ -20,7 +20,7 @@ lint:
 	for system in win32 darwin; do $(BIN)/mypy --platform $$system --cache-dir .mypy_cache/$$system feeder_sim || exit 1; done
 	$(BIN)/lint-imports
 	$(BIN)/python benchmarks/size.py --most
-	$(BIN)/tombi lint --offline scenarios models docs/tutorial
+	$(BIN)/tombi lint --offline scenarios models docs/tutorial conformance
 
 library: # one of the libraries of machine code, another one from commit to commit, comes out as the same bytes
 	$(BIN)/python -m feeder_sim.machine_code.build --check $$((0x$$(git rev-parse --short=7 HEAD)))

@@ -1,7 +1,6 @@
 """Cases that the other simulators and the tests of known failures compute, each with its closed form.
 
-bouncing ball   free ball on a 50 Hz shaker, period one (Holmes 1982): the plate moves at w = g T/2 (1-e)/(1+e) when
-                it is hit, so that the ball rises to g T^2/8 + A sin(phi) with A omega cos(phi) = w
+bouncing ball   free ball on a 50 Hz shaker, period one (Holmes 1982): conformance/right_values.py
 flat drop       a nut landing flat leaves with e v and without spin
 sliding impact  a ball that slides throughout leaves with e v_n and v_t - mu (1+e) v_n
 sticking impact a ball that sticks leaves rolling, with e v_n and 5/7 v_t
@@ -11,11 +10,16 @@ drift           transport speed of a nut on a standing wave; nobody knows the ri
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+sys.path.append(str(Path(__file__).parents[1] / "conformance"))
+
 import numpy as np
+from case_files import case
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.part.rigid_part import CORNER_RADIUS
@@ -33,6 +37,10 @@ DROP_S = 0.04  # 32 ms of fall, and most of the 13 ms of flight after the impact
 SLIDE_MM_S, STICK_MM_S = 1000.0, 200.0
 BALL_HZ, BALL_UM = 50.0, 245.0
 BALL_PERIODS, BALL_COUNTED = 150, 50  # simulated periods of the plate, and the last ones that count
+TRAY = case("two_axes")
+TRAY_HZ, TRAY_UM, TRAY_PHASE_DEG = (TRAY["plate"][key] for key in ("frequency_hz", "x_um", "x_phase_deg"))
+TRAY_HEIGHT = 1e-6 * TRAY["plate"]["z_um"]  # amplitude [m]
+TRAY_FROM_S, TRAY_S = TRAY["looks"]["first_s"], TRAY["duration_s"]
 PER_MS = 1000.0  # [Hz] of a drive without amplitude, with which steps per period are steps per millisecond
 
 
@@ -62,20 +70,6 @@ class Drop:
         }
 
 
-def ball_height(frequency: float, amplitude: float, restitution: float) -> float:
-    """Largest height [m] of a ball in period one over its place on the resting plate, by the formula of the module.
-
-    Args:
-        frequency: of the plate [Hz].
-        amplitude: of the plate [m].
-        restitution: coefficient [1].
-    """
-    period = 1.0 / frequency
-    plate_velocity = 0.5 * GRAVITY * period * (1.0 - restitution) / (1.0 + restitution)
-    cosine = plate_velocity / (2.0 * math.pi * frequency * amplitude)
-    return GRAVITY * period**2 / 8.0 + amplitude * math.sqrt(1.0 - cosine**2)
-
-
 def strip(frequency: float, amplitude_um: float, x_mm: float) -> Raw:
     """A nut near the antinode of a standing wave of a 3 mm strip, as in scenarios/drift_4750hz.toml."""
     start = {"position_mm": [x_mm, 0.0], "drop_height_mm": [0.2, 0.5], "tilt_deg": [0.0, 3.0]}
@@ -88,7 +82,7 @@ def strip(frequency: float, amplitude_um: float, x_mm: float) -> Raw:
     }
 
 
-def _after_impact(scene: Scene, record: Seed) -> tuple[float, int]:
+def after_impact(scene: Scene, record: Seed) -> tuple[float, int]:
     """Speed upwards [m/s] with which a part has left the plate at rest, and its first frame after that."""
     frames = record.frames
     rising = np.flatnonzero(frames.velocity[:, 0, 2] > 0.0)
@@ -103,14 +97,14 @@ def _after_impact(scene: Scene, record: Seed) -> tuple[float, int]:
 
 def _flat_drop(prepared: Prepared, record: Seed) -> float:
     """Error [%] of the speed upwards and of the speed of the corners by spin, which should be 0, over e v."""
-    upward, row = _after_impact(prepared.scene, record)
+    upward, row = after_impact(prepared.scene, record)
     spin = prepared.scene.kinds[0].size * float(np.linalg.norm(record.frames.angular_velocity[row, 0]))
     return 100.0 * math.hypot(upward - RESTITUTION * APPROACH, spin) / (RESTITUTION * APPROACH)
 
 
 def _ball_impact(prepared: Prepared, record: Seed, expected: float) -> float:
     """Error [%] of both components of the velocity after the impact, over the approach speed; that along in m/s."""
-    upward, row = _after_impact(prepared.scene, record)
+    upward, row = after_impact(prepared.scene, record)
     along = float(record.frames.velocity[row, 0, 0])
     return 100.0 * math.hypot(upward - RESTITUTION * APPROACH, along - expected) / APPROACH
 

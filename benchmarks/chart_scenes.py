@@ -28,15 +28,20 @@ from chart_cases import (
     FLAT_DROP,
     SLIDING_IMPACT,
     STICKING_IMPACT,
+    TRAY_FROM_S,
+    TRAY_HEIGHT,
+    TRAY_HZ,
+    TRAY_PHASE_DEG,
+    TRAY_S,
+    TRAY_UM,
     Drop,
     Raw,
-    ball_height,
     strip,
 )
-from conformance_set.cases import TRAY_FROM_S, TRAY_HZ, TRAY_PHASE_DEG, TRAY_S, TRAY_UM, tray_height, tray_speed
 from cube_tosses import DATA, compute_tosses, read_tosses
 from heap import DURATION_S, energy, starts
 from numpy.typing import NDArray
+from right_values import ball_height, tray_speed
 
 from feeder_sim import chart
 from feeder_sim.constants import GRAVITY
@@ -203,7 +208,7 @@ def _bouncing() -> Raw:
 
 def _on_tray() -> Raw:
     along = {"stroke_um": TRAY_UM, "angle_deg": 0.0, "phase_deg": TRAY_PHASE_DEG}
-    up = {"stroke_um": 1e6 * tray_height(), "angle_deg": 90.0}
+    up = {"stroke_um": 1e6 * TRAY_HEIGHT, "angle_deg": 90.0}
     start = {"drop_height_mm": 0.0, "tilt_deg": 0.0, "yaw_deg": 17.0}
     return {
         "plate": {"kind": "tray", "length_mm": 200.0, "width_mm": 100.0},

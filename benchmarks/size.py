@@ -22,7 +22,7 @@ from typing import Annotated
 import typer
 
 ROOT = Path(__file__).resolve().parent.parent
-FOLDERS = ("feeder_sim", "tests", "benchmarks", "docs/examples", "models")
+FOLDERS = ("feeder_sim", "tests", "benchmarks", "conformance", "docs/examples", "models")
 SKIPPED = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 

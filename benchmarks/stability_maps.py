@@ -34,7 +34,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from chart_cases import CONTACT, Raw, strip
+from chart_cases import CONTACT, Raw, after_impact, strip
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import empty_figure
@@ -231,9 +231,9 @@ def _fall(speed: float, change: Change, setting: float) -> Verdict:
     verdict = classify(result, None)
     if verdict[0] != State.STABLE:
         return verdict
-    velocity = result.seeds[0].frames.velocity[:, 0, 2]
+    upward, _ = after_impact(result.prepared.scene, result.seeds[0])
     approach = math.sqrt(speed**2 + 2.0 * GRAVITY * 1e-4)  # from 0.1 mm
-    rebound = float(velocity.max()) / (CONTACT["restitution"] * approach)
+    rebound = upward / (CONTACT["restitution"] * approach)
     return by_deviation(Statistic(rebound - 1.0, math.nan, 0.0, 1))
 
 

@@ -24,18 +24,16 @@ from chart_cases import (
     RESTITUTION,
     SLIDE_MM_S,
     STICK_MM_S,
-    slid,
-)
-from conformance_set.cases import (
     TRAY_FROM_S,
+    TRAY_HEIGHT,
     TRAY_HZ,
     TRAY_PHASE_DEG,
     TRAY_S,
     TRAY_UM,
-    tray_height,
-    tray_speed,
+    slid,
 )
 from numpy.typing import NDArray
+from right_values import tray_speed
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.drift import transport_speed
@@ -322,10 +320,10 @@ def tray(method: Method, steps: int) -> Outcome:
     """Error of the mean speed of a nut on a tray that moves in an ellipse and never throws it [%]."""
     body, dt = steel_nut(), 1.0 / (TRAY_HZ * steps)
     place = np.array([0.0, 0.0, -body.corners[:, 2].min()])
-    setup = Setup(dt, body, place, YAWED, np.zeros(3), "shaken", amplitude=tray_height())
+    setup = Setup(dt, body, place, YAWED, np.zeros(3), "shaken", amplitude=TRAY_HEIGHT)
     n = round(TRAY_S / dt)
     phase = 2.0 * math.pi * TRAY_HZ * dt * np.arange(n + 1)
-    along, up = 1e-6 * TRAY_UM * np.sin(phase + math.radians(TRAY_PHASE_DEG)), tray_height() * np.sin(phase)
+    along, up = 1e-6 * TRAY_UM * np.sin(phase + math.radians(TRAY_PHASE_DEG)), TRAY_HEIGHT * np.sin(phase)
     motion = np.stack([along - along[0], up], axis=1)
     out, wall = np.zeros((n, STATE)), 0.0
     for count in (WARM_UP, n):

@@ -1,22 +1,23 @@
 """The cases of the conformance set in an engine of this folder: starts, the motion of the plate, stepping.
 
-What is measured in the motion is conformance_set/motions.py, the same as for feeder_sim's own engines.
+What is measured in the motion is conformance/motions.py, the same as for feeder_sim's own engines.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
 import numpy as np
+from case_files import GRAVITY, Result, part
+from case_files import case as tables_of
 from cases import (
     SPIN,
     STATE,
     THROWN,
-    UPRIGHT,
     VELOCITY,
-    YAW,
     Body,
     Method,
     Setup,
@@ -26,40 +27,17 @@ from cases import (
     steel_cube,
     steel_nut,
 )
-from chart_cases import APPROACH, BALL_HZ, BALL_PERIODS, BALL_UM, DROP_MM, DROP_S, RESTITUTION, SLIDE_MM_S
-from conformance_set.cases import (
-    CREEP_S,
-    CUBE_SIDE,
-    CUBE_TILT_DEG,
-    FAST_HZ,
-    FAST_S,
-    FAST_SPEED,
-    FAST_UM,
-    PISTON_HZ,
-    PISTON_S,
-    PISTON_UM,
-    PLATE_DROP,
-    PLATE_SPEED,
-    REST_SPEED,
-    STICK_SPEED,
-    THROW_UM,
-    TRAY_HZ,
-    TRAY_PHASE_DEG,
-    TRAY_S,
-    TRAY_UM,
-    tray_height,
-)
-from conformance_set.judge import Result
-from conformance_set.motions import OBSERVERS, Motion
+from motions import OBSERVERS, Motion, starts_of
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.statistic import Statistic
 
-RISE_S = 0.01
-BALL_START = 0.5e-3  # of the ball over the shaker [m]
-TRAYS = ("two_axes", "fast_slip")
+BODIES: dict[str, Callable[[], Body]] = {
+    "ball": steel_ball,
+    "nut": steel_nut,
+    "cube": lambda: steel_cube(float(np.ptp(part("cube").corners[:, 0]))),
+}
 CHUNK = 4750  # steps of the piston between two looks at the nut
 
 
@@ -76,7 +54,7 @@ def once(method: Method, case: str, steps: int) -> dict[str, float]:
         world.piston(height[:-1].tolist(), (np.diff(height) / setup.dt).tolist(), out)
     begin = np.concatenate([setup.position, setup.quaternion, setup.velocity, np.zeros(3)])
     rows = np.vstack([begin, out])
-    motion = Motion(_times(setup.dt, n), rows[:, :3], rows[:, VELOCITY], rows[:, SPIN], every_step=True)
+    motion = Motion(times(setup.dt, n), rows[:, :3], rows[:, VELOCITY], rows[:, SPIN], every_step=True)
     with np.errstate(invalid="ignore"):
         numbers = OBSERVERS[case](motion)
     return numbers if np.isfinite(rows).all() else dict.fromkeys(numbers, math.nan)
@@ -84,87 +62,53 @@ def once(method: Method, case: str, steps: int) -> dict[str, float]:
 
 def _setup(case: str, steps: int) -> tuple[Setup, int, NDArray[np.float64] | None]:
     """A case at its start, the number of steps, and the heights of the plate, or x and height; None at rest."""
-    if case in ("rebound", "slide", "oblique_sticking", "slide_to_rest", "mesh_cube"):
-        return _at_rest(case, 1e-3 / steps)
-    if case in TRAYS:
-        return _on_tray(case, steps)
-    ball = steel_ball()
-    if case == "rising_plate":
-        dt = 1e-3 / steps
-        n = round(RISE_S / dt)
-        setup = _ball_over_piston(ball, dt, PLATE_DROP, PLATE_SPEED, PLATE_SPEED * RISE_S)
-        return replace(setup, plate="rising"), n, PLATE_SPEED * _times(dt, n)
-    amplitude = 1e-6 * {"throw": THROW_UM, "bouncing_ball": BALL_UM}[case]
-    dt, n = 1.0 / (BALL_HZ * steps), BALL_PERIODS * steps
-    impact = GRAVITY / BALL_HZ / (1.0 + RESTITUTION)
-    setup = _ball_over_piston(ball, dt, BALL_START, impact, amplitude)
-    return setup, n, amplitude * np.sin(2.0 * math.pi * BALL_HZ * _times(dt, n))
+    tables, ((name, position, turn, velocity, _),) = tables_of(case), starts_of(case)
+    plate, duration = tables["plate"], tables["duration_s"]
+    fall = math.sqrt(2.0 * GRAVITY * 1e-3 * tables["start"][0]["height_mm"])
+    dt = 1.0 / (steps * plate.get("frequency_hz", 1e3))
+    setup, n = Setup(dt, BODIES[name](), position, turn, velocity, "rest", None), round(duration / dt)
+    if plate["motion"] == "rest":
+        return replace(setup, impact_speed=fall or float(np.linalg.norm(velocity))), n, None
+    if plate["motion"] == "rising":
+        speed = plate["speed_m_s"]
+        setup = replace(setup, plate="rising", impact_speed=speed, amplitude=speed * duration)
+        return setup, n, speed * times(dt, n)
+    omega = 2.0 * math.pi * plate["frequency_hz"]
+    z = 1e-6 * plate.get("z_um", 0.0) * np.sin(omega * times(dt, n))
+    if "x_um" in plate:
+        x = 1e-6 * plate["x_um"] * np.sin(omega * times(dt, n) + math.radians(plate.get("x_phase_deg", 0.0)))
+        return replace(setup, plate="shaken", amplitude=float(np.abs(z).max())), n, np.column_stack([x, z])
+    period_one = GRAVITY / plate["frequency_hz"] / (1.0 + tables["contact"]["restitution"])
+    return replace(setup, plate="piston", impact_speed=period_one, amplitude=1e-6 * plate["z_um"]), n, z
 
 
-def _times(dt: float, n: int) -> NDArray[np.float64]:
+def times(dt: float, n: int) -> NDArray[np.float64]:
+    """The beginnings of n steps, and the end of the last."""
     return np.asarray(dt * np.arange(n + 1), np.float64)
 
 
-def _ball_over_piston(ball: Body, dt: float, drop: float, impact: float, amplitude: float) -> Setup:
-    position = np.array([0.0, 0.0, ball.radius + drop])
-    return Setup(dt, ball, position, UPRIGHT, np.zeros(3), "piston", None, impact, amplitude)
-
-
-def _at_rest(case: str, dt: float) -> tuple[Setup, int, None]:
-    drop, along, duration, impact = 1e-3 * DROP_MM, 0.0, DROP_S, APPROACH
-    body, turn = steel_ball(), UPRIGHT
-    if case in ("rebound", "slide_to_rest"):
-        body, turn = steel_nut(), np.array([math.cos(0.5 * YAW), 0.0, 0.0, math.sin(0.5 * YAW)])
-    if case == "slide":
-        along = 1e-3 * SLIDE_MM_S
-    elif case == "oblique_sticking":
-        along = STICK_SPEED
-    elif case == "slide_to_rest":
-        drop, along, duration, impact = 0.0, REST_SPEED, CREEP_S, REST_SPEED
-    elif case == "mesh_cube":
-        body, half = steel_cube(CUBE_SIDE), math.radians(0.5 * CUBE_TILT_DEG)
-        turn = np.array([math.cos(half), 0.0, math.sin(half), 0.0])
-    lowest = body.radius or -float(Rotation.from_quat(turn, scalar_first=True).apply(body.corners)[:, 2].min())
-    velocity = np.array([along, 0.0, 0.0])
-    setup = Setup(dt, body, np.array([0.0, 0.0, lowest + drop]), turn, velocity, "rest", None, impact)
-    return setup, round(duration / dt), None
-
-
-def _on_tray(case: str, steps: int) -> tuple[Setup, int, NDArray[np.float64]]:
-    """A nut that lies on a tray, and where that is in x and z."""
-    frequency, duration, speed = (TRAY_HZ, TRAY_S, 0.0) if case == "two_axes" else (FAST_HZ, FAST_S, FAST_SPEED)
-    body, dt, n = steel_nut(), 1.0 / (frequency * steps), round(duration * frequency * steps)
-    phase = 2.0 * math.pi * frequency * _times(dt, n)
-    if case == "two_axes":
-        x, z = 1e-6 * TRAY_UM * np.sin(phase + math.radians(TRAY_PHASE_DEG)), tray_height() * np.sin(phase)
-    else:
-        x, z = 1e-6 * FAST_UM * np.sin(phase), 0.0 * phase
-    turn = np.array([math.cos(0.5 * YAW), 0.0, 0.0, math.sin(0.5 * YAW)])
-    position = np.array([0.0, 0.0, -float(body.corners[:, 2].min())])
-    setup = Setup(dt, body, position, turn, np.array([speed, 0.0, 0.0]), "shaken", amplitude=float(np.abs(z).max()))
-    return setup, n, np.column_stack([x, z])
-
-
-def piston_zero(method: Method, steps: int, seeds: int, seed_s: float = PISTON_S) -> dict[str, Statistic]:
+def piston_zero(method: Method, steps: int, seeds: int) -> dict[str, Statistic]:
     """Mean drift of a nut on a piston in both directions [mm/s]; seeds that blew up are left out."""
     drifts = []
     for sequence in np.random.SeedSequence(0).spawn(seeds):
-        drifts.append(_piston_seed(method, steps, np.random.default_rng(sequence), seed_s))
+        drifts.append(_piston_seed(method, steps, np.random.default_rng(sequence)))
     return {f"drift_{axis}": Statistic.of(d[i] for d in drifts) for i, axis in enumerate("xy")}
 
 
-def _piston_seed(method: Method, steps: int, rng: np.random.Generator, seed_s: float) -> NDArray[np.float64]:
-    body, dt, amplitude = steel_nut(), 1.0 / (PISTON_HZ * steps), 1e-6 * PISTON_UM
-    yaw, about = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.0, 2.0 * math.pi)
-    tilt = math.radians(rng.uniform(0.0, 3.0))
+def _piston_seed(method: Method, steps: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    tables = tables_of("piston_zero")
+    plate, start = tables["plate"], tables["start"][0]
+    body, dt, amplitude = steel_nut(), 1.0 / (plate["frequency_hz"] * steps), 1e-6 * plate["z_um"]
+    yaw, about = math.radians(rng.uniform(*start["yaw_deg"])), rng.uniform(0.0, 2.0 * math.pi)
+    tilt = math.radians(rng.uniform(*start["tilt_deg"]))
     turn = Rotation.from_rotvec([tilt * math.cos(about), tilt * math.sin(about), 0.0]) * Rotation.from_euler("z", yaw)
     lowest = float(turn.apply(body.corners)[:, 2].min())
-    position = np.array([0.0, 0.0, rng.uniform(0.2e-3, 0.5e-3) - lowest])
-    omega = 2.0 * math.pi * PISTON_HZ
+    position = np.array([0.0, 0.0, 1e-3 * rng.uniform(*start["height_mm"]) - lowest])
+    omega = 2.0 * math.pi * plate["frequency_hz"]
     quaternion = turn.as_quat(scalar_first=True)
     setup = Setup(dt, body, position, quaternion, np.zeros(3), "piston", None, amplitude * omega, amplitude)
     world, out = method.build(setup), np.zeros((CHUNK, STATE))
-    chunks = round(seed_s / (CHUNK * dt))
+    chunks = round(tables["duration_s"] / (CHUNK * dt))
     for chunk in range(chunks):
         height = amplitude * np.sin(omega * dt * np.arange(chunk * CHUNK, (chunk + 1) * CHUNK + 1))
         world.piston(height[:-1].tolist(), (np.diff(height) / dt).tolist(), out)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import cases
+from case_files import case as conformance_case
 from cases import DRIFTS, Method
-from conformance_set.cases import PISTON_HZ, PISTON_S
 
 SLOW_US = 50.0  # a step; from there on there is time for few seeds, and for none in a quick run
 SLOWEST_US = 1000.0  # a step; from there on there is none for any seeds
@@ -14,6 +14,19 @@ SECONDS = 20.0  # of processor time that the seeds of one setting may take
 MOST_SEEDS = 16
 FEWEST = {"piston_zero": 4, "drift_4750": 2, "drift_8775": 4}  # that the judge can decide with
 SHAKEN = ("two_axes", "fast_slip")
+ONE_BODY = (  # cases that a peer has a world for: one part, one run
+    "rebound",
+    "slide",
+    "oblique_sticking",
+    "slide_to_rest",
+    "rising_plate",
+    "throw",
+    "bouncing_ball",
+    "mesh_cube",
+    *SHAKEN,
+    "piston_zero",
+    *DRIFTS,
+)
 QUICK_SECONDS = 4.0
 NO_VELOCITY = (
     "rising_plate",
@@ -28,6 +41,8 @@ NO_VELOCITY = (
 def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
     """Settings and seeds."""
     slow = method.us_per_step > SLOW_US
+    if case not in ONE_BODY:
+        return []
     if case in SHAKEN and not method.shakes:
         return []
     if not method.arrives and case not in NO_VELOCITY:
@@ -40,8 +55,9 @@ def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
         return []
     if not method.arrives:
         return [(BY_CHANCE[0], 2)]
-    frequency = float(case.split("_")[1]) if case in DRIFTS else PISTON_HZ
-    seed_s = cases.EXPECTED_S.get(case, PISTON_S)
+    tables = conformance_case(case)
+    frequency = tables["plate"]["frequency_hz"]
+    seed_s = cases.EXPECTED_S.get(case, tables["duration_s"])
     chosen = []
     for steps in BY_CHANCE[: 1 if slow or quick else 2]:
         wall = seed_s * frequency * steps * method.us_per_step * 1e-6

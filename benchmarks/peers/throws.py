@@ -1,4 +1,4 @@
-"""Throws of steel blocks of which the share with a square face up was measured (benchmarks/validation/blocks.csv)."""
+"""Throws of steel blocks of which the share with a square face up was measured (conformance/blocks.csv)."""
 
 from __future__ import annotations
 

@@ -2,10 +2,10 @@
 
     python benchmarks/validation/blocks.py [--throws 2000] [--drops]
 
-Data: Budden, Math. Gaz. 64 (1980) 196, in blocks.csv; of the ratios x/y without a share there is a prediction alone.
-How the blocks were rolled is not known. One throw is taken for all, the default one of `feeder-sim part --throws`, with
-the default contact; nothing is fitted. The range is that of throws from half and twice the height, with half and twice
-the spin, and with restitutions of 0.1 and 0.4. `--drops`: dropped at rest, besides.
+Data: Budden, Math. Gaz. 64 (1980) 196, in conformance/blocks.csv; of ratios x/y without a share there is a prediction
+alone. How the blocks were rolled is not known. One throw is taken for all, the default of `feeder-sim part --throws`,
+with the default contact; nothing is fitted. The range is that of throws from half and twice the height, with half and
+twice the spin, and with restitutions of 0.1 and 0.4. `--drops`: dropped at rest, besides.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from feeder_sim.studies.drops import Engine, Share, Throw, drop
 
 SIDE = 12e-3  # y [m]; only the ratio counts, as all of the throw follows from the size
 STEEL = 7850.0
+MEASURED = Path(__file__).parents[2] / "conformance" / "blocks.csv"
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class Block:
 
 def blocks() -> list[Block]:
     """Those that were rolled, in order of their ratios."""
-    with Path(__file__).with_name("blocks.csv").open(encoding="utf-8") as file:
+    with MEASURED.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     return [
         Block(float(row["ratio"]), int(row["rolls"]), float(row["share"]) if row["share"] else None) for row in rows

@@ -2,53 +2,60 @@
 
 from __future__ import annotations
 
+import ast
 import csv
-import importlib.util
 import json
 import math
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import judge
 import numpy as np
 import pytest
+import right_values
+import run_conformance
 import stability_maps
-from chart_cases import ball_height
-from conformance_set.cases import (
+from case_files import (
     CASES,
-    CREEP_S,
-    FAST_HZ,
-    FAST_S,
-    FAST_UM,
-    MEASURED,
-    REST_S,
-    REST_SPEED,
+    COMMON,
+    FOLDER,
+    GRAVITY,
+    ConformanceError,
+    Result,
     Row,
-    closed_rows,
-    fast_way,
-    measured_rows,
-    throw_height,
-    zero_rows,
+    case,
+    part,
+    read_results,
+    read_set,
+    write_results,
 )
-from conformance_set.files import read_results, read_set, write_results
-from conformance_set.judge import OFF, PASS, UNDECIDED, Result, judged, passes, table
-from conformance_set.motions import OBSERVERS, Motion, after_impact, slide_to_rest, way_at
-from conformance_set.own import SCENARIOS, cube_falls, motion_of, own_results, remade_rows
-from conftest import REPOSITORY, refusal
+from conftest import REPOSITORY
+from judge import OFF, PASS, UNDECIDED, judged, passes, table
+from motions import OBSERVERS, Motion, after_impact, attitudes, motions_of, slide_to_rest, starts_of, way_at
+from own_engines import NAMES, once, own_results, raw_of, remade_rows
+from own_engines import motions_in as own_motions
+from right_values import ball_height, differences, fast_way, throw_height
 from run import HEADER
+from scipy.spatial.transform import Rotation
 from stability_maps import MAPS, MapCell, State, by_deviation, fill, read_cells, write_cells
 
-from feeder_sim.constants import GRAVITY
+from feeder_sim import constants
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.scene import build_scene
 
-SET = Path(__file__).parents[2] / "benchmarks" / "peers" / "conformance.csv"
 COLUMNS = "case,quantity,value,se\n"
 
 
 @pytest.fixture(scope="module")
 def rows() -> list[Row]:
-    return read_set(SET)
+    return read_set()
 
 
 def right(rows: list[Row]) -> list[Result]:
@@ -56,19 +63,43 @@ def right(rows: list[Row]) -> list[Result]:
     found = {
         (r.case, r.quantity): Result(r.case, r.quantity, r.right, 0.01 * r.scale if r.chance else math.nan, "mine")
         for r in rows
-        if r.basis != "measurement"
+        if r.basis != "measurement" or r.case == "blocks"
     }
     return list(found.values())
 
 
-def test_the_stored_set_is_that_of_the_code(rows: list[Row]) -> None:
+def test_the_stored_set_is_that_of_the_closed_forms(rows: list[Row]) -> None:
     assert {row.case for row in rows} == set(CASES)
-    stored = {(row.case, row.quantity, row.basis): row for row in rows}
-    for row in closed_rows() + zero_rows(0.0) + measured_rows(dict.fromkeys(MEASURED, 0.0)):
-        kept = stored[row.case, row.quantity, row.basis]
-        kept_numbers, numbers = (kept.right, kept.low, kept.high), (row.right, row.low, row.high)
-        assert kept_numbers == pytest.approx(numbers, rel=1e-5, abs=1e-5 * row.scale)
-        assert (kept.unit, kept.chance, kept.source, kept.rule) == (row.unit, row.chance, row.source, row.rule)
+    assert right_values.main([]) == 0
+    assert differences(rows, rows[1:]) == ["rebound, upward_velocity, closed"]
+    assert differences([replace(rows[0], right=rows[0].right + 1e-4), *rows[1:]], rows)
+
+
+def test_cases_have_a_file_each_whose_quantities_are_those_of_the_set(rows: list[Row]) -> None:
+    assert {path.stem for path in (FOLDER / "cases").glob("*.toml")} == set(CASES)
+    for name in CASES:
+        assert set(case(name)["quantities"]) == {row.quantity for row in rows if row.case == name}
+        assert {start["part"] for start in case(name)["start"]} <= {*COMMON["parts"], "block"}
+    readme = (FOLDER / "README.md").read_text(encoding="utf-8")
+    assert [line.split("`")[1] for line in readme.splitlines() if line.startswith("| `")] == list(CASES)
+
+
+def test_parts_are_those_that_the_package_makes() -> None:
+    assert GRAVITY == constants.GRAVITY
+    for name in ("slide", "rebound", "energy_at_edge", "mesh_cube"):
+        made = run_scene(name)
+        stated = part(case(name)["start"][0]["part"])
+        assert made.mass == pytest.approx(stated.mass, rel=1e-5)
+        np.testing.assert_allclose(made.inertia, stated.inertia, rtol=1e-5)
+        if not stated.radius:
+            of_made, of_stated = (
+                np.array(sorted(np.round(1e6 * corners).tolist())) for corners in (made.corners, stated.corners)
+            )
+            np.testing.assert_allclose(of_made, of_stated, atol=1.0)
+
+
+def run_scene(name: str) -> RigidPart:
+    return build_scene(validated(raw_of(name), Scenario, Path(name))).parts[0]
 
 
 def test_right_values_pass_and_each_wrong_one_shows(rows: list[Row]) -> None:
@@ -76,12 +107,14 @@ def test_right_values_pass_and_each_wrong_one_shows(rows: list[Row]) -> None:
     assert passes(rows, results, "mine")
     assert "**" not in table(rows, results)
     for i, result in enumerate(results):
-        row = next(r for r in rows if (r.case, r.quantity) == (result.case, result.quantity))
-        for sign in (-1.0, 1.0):
-            wrong = [*results[:i], replace(result, value=row.right + sign * 0.2 * row.scale), *results[i + 1 :]]
+        of_quantity = [r for r in rows if (r.case, r.quantity) == (result.case, result.quantity)]
+        row = of_quantity[0]
+        limits = min(r.low for r in of_quantity), max(r.high for r in of_quantity)
+        for sign, limit in zip((-1.0, 1.0), limits, strict=True):
+            value = limit + sign * (0.2 * row.scale + 3.0 * (0.0 if math.isnan(result.se) else result.se))
+            wrong = [*results[:i], replace(result, value=value), *results[i + 1 :]]
             assert not passes(rows, wrong, "mine")
-            (line,) = (line for line in table(rows, wrong).splitlines() if "**" in line and "measured" not in line)
-            assert result.case in line and f"{20 * sign:+.0f} %" in line
+            assert any(f"`{row.case}`" in line for line in table(rows, wrong).splitlines() if "**" in line)
 
 
 def test_chance_needs_a_standard_error_small_enough() -> None:
@@ -146,8 +179,10 @@ def test_malformed_files_are_refused_in_one_line(text: str | None, named: str, r
     path = tmp_path / "results.csv"
     if text is not None:
         path.write_text(text, encoding="latin-1")
-    message = refusal(read_results, path, rows)
-    assert str(path) in message and named in message
+    with pytest.raises(ConformanceError) as error:
+        read_results(path, rows)
+    message = str(error.value)
+    assert str(path) in message and named in message and len(message.splitlines()) == 1
 
 
 def test_numbers_from_a_motion() -> None:
@@ -157,12 +192,12 @@ def test_numbers_from_a_motion() -> None:
     place, velocity = zero.copy(), zero.copy()
     place[:, 2], velocity[:, 2] = 1e-3 + 0.3 * t - 0.5 * GRAVITY * t**2, 0.3 - GRAVITY * t
     assert after_impact(Motion(t, place, velocity, zero), 1e-3)[0] == pytest.approx(0.3, rel=1e-12)
-    t = np.linspace(0.0, CREEP_S, 501)
-    sliding = np.minimum(t, REST_SPEED / (0.3 * GRAVITY))
-    x = REST_SPEED * sliding - 0.5 * 0.3 * GRAVITY * sliding**2 + 1e-3 * np.maximum(t - REST_S, 0.0)
+    t, speed, stopped = np.linspace(0.0, 0.5, 501), 0.2, case("slide_to_rest")["looks"]["stopped_s"]
+    sliding = np.minimum(t, speed / (0.3 * GRAVITY))
+    x = speed * sliding - 0.5 * 0.3 * GRAVITY * sliding**2 + 1e-3 * np.maximum(t - stopped, 0.0)
     zero = np.zeros((len(t), 3))
     found = slide_to_rest(Motion(t, np.outer(x, [1.0, 0.0, 0.0]), zero, zero))
-    assert found == pytest.approx({"distance": 1e3 * REST_SPEED**2 / (2 * 0.3 * GRAVITY), "creep": 1.0}, rel=1e-9)
+    assert found == pytest.approx({"distance": 1e3 * speed**2 / (2 * 0.3 * GRAVITY), "creep": 1.0}, rel=1e-9)
 
 
 def test_height_of_a_throw_is_that_of_the_motion() -> None:
@@ -177,45 +212,206 @@ def test_height_of_a_throw_is_that_of_the_motion() -> None:
 
 
 def test_a_cube_given_as_a_mesh_moves_as_a_box_does() -> None:
-    box = validated(cube_falls({"shape": "box", "size_mm": [4.0, 4.0, 4.0]}), Scenario, Path("box"))
-    mesh = validated(SCENARIOS["mesh_cube"](), Scenario, Path("mesh"))
-    of_box, of_mesh = (OBSERVERS["mesh_cube"](motion_of(scenario)) for scenario in (box, mesh))
+    raw = raw_of("mesh_cube")
+    assert raw["part"][0]["shape"] == "mesh"
+    box = raw | {"part": [{"shape": "box", "size_mm": [4.0] * 3, "start": raw["part"][0]["start"]}]}
+    of_box, of_mesh = (
+        OBSERVERS["mesh_cube"](*own_motions(validated(tables, Scenario, Path("cube")))) for tables in (box, raw)
+    )
     assert of_mesh == pytest.approx(of_box, rel=1e-6)
 
 
-@pytest.mark.parametrize("frequency", [500.0, FAST_HZ, 10_000.0])
-def test_fast_slip_is_averaged_friction_at_any_frequency(frequency: float) -> None:
+@pytest.mark.parametrize("factor", [0.125, 1.0, 2.5])
+def test_fast_slip_is_averaged_friction_at_any_frequency(factor: float) -> None:
     """What counts is the speed of the tray. Slip that turns once or twice in the time of forces was lost in it."""
-    raw = SCENARIOS["fast_slip"]()
-    raw["drive"][0] |= {"frequency_hz": frequency, "stroke_um": FAST_UM * FAST_HZ / frequency}
-    way = way_at(motion_of(validated(raw, Scenario, Path("tray"))), FAST_S)
-    assert way == pytest.approx(1e3 * fast_way(FAST_S), rel=3e-3)
+    raw, end = raw_of("fast_slip"), case("fast_slip")["duration_s"]
+    drive = raw["drive"][0]
+    raw["drive"] = [drive | {"frequency_hz": factor * drive["frequency_hz"], "stroke_um": drive["stroke_um"] / factor}]
+    (motion,) = own_motions(validated(raw, Scenario, Path("tray")))
+    assert way_at(motion, end) == pytest.approx(1e3 * fast_way(end), rel=3e-3)
+
+
+@pytest.mark.parametrize("name", ["two_parts_meet", "two_parts_slide", "two_parts_stick", "heap_at_rest"])
+def test_parts_that_meet_pass_without_a_step(name: str, rows: list[Row]) -> None:
+    numbers = once(name, "exact", 0)
+    assert passes(rows, [Result(name, q, value, engine="mine") for q, value in numbers.items()], "mine")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["energy_at_edge", "energy_at_corner", "energy_of_bounces"])
+def test_impacts_give_no_energy_without_a_step(name: str, rows: list[Row]) -> None:
+    value = once(name, "exact", 0)["energy_gain"]
+    assert passes(rows, [Result(name, "energy_gain", value, engine="mine")], "mine")
+
+
+def test_an_impact_by_newtons_law_gains_energy(rows: list[Row]) -> None:
+    """A restitution of normal velocities, with friction against the first slip: Kane's paradox."""
+    gain = OBSERVERS["energy_of_bounces"](*by_newton("energy_of_bounces"))["energy_gain"]
+    (row,) = (row for row in rows if row.case == "energy_of_bounces")
+    assert gain > 0.1 and judged(row, Result(row.case, row.quantity, gain)).outcome == OFF
+
+
+def by_newton(name: str) -> list[Motion]:
+    """A cube before and after an impact at its lowest edge, without gravity, for each attitude at the start."""
+    contact, cube, motions = case(name)["contact"], part("cube"), []
+    for _, position, turned, velocity, spin in starts_of(name):
+        corners = Rotation.from_quat(turned, scalar_first=True).apply(cube.corners)
+        arm = corners[corners[:, 2] < corners[:, 2].min() + 1e-9].mean(axis=0)
+        slip = velocity + np.cross(spin, arm)
+        responses = [unit / cube.mass + np.cross(np.cross(arm, unit) / cube.inertia[0], arm) for unit in np.eye(3)]
+        inverse_mass = np.array(responses).T
+        push = np.linalg.solve(inverse_mass, [-slip[0], -slip[1], -(1.0 + contact["restitution"]) * slip[2]])
+        if math.hypot(*push[:2]) > contact["friction"] * push[2]:
+            along = np.array([-contact["friction"] * np.sign(slip[0]), 0.0, 1.0])
+            push = along * -(1.0 + contact["restitution"]) * slip[2] / (inverse_mass @ along)[2]
+        after = velocity + push / cube.mass, spin + np.cross(arm, push) / cube.inertia[0]
+        velocities, spins = (np.array([begin, end]) for begin, end in zip((velocity, spin), after, strict=True))
+        motions.append(Motion(np.array([0.0, 1e-3]), np.array([position, position]), velocities, spins))
+    return motions
+
+
+def test_a_heap_that_gains_sinks_or_does_not_rest_is_seen(rows: list[Row]) -> None:
+    """Twelve cubes side by side on the plate, at rest; then one that rises, one in the plate, one in another."""
+    place = np.array([[[5e-3 * i, 0.0, 2e-3]] * 3 for i in range(12)])
+
+    def failing(change: Callable[[np.ndarray, np.ndarray], None]) -> set[str]:
+        places, velocities, zero = place.copy(), np.zeros_like(place), np.zeros((3, 3))
+        change(places, velocities)
+        upright = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1))
+        time = np.arange(3.0)
+        motions = [Motion(time, p, v, zero, attitude=upright) for p, v in zip(places, velocities, strict=True)]
+        numbers = OBSERVERS["heap_at_rest"](*motions)
+        limits = {row.quantity: row for row in rows if row.case == "heap_at_rest"}
+        return {q for q, v in numbers.items() if judged(limits[q], Result("heap_at_rest", q, v)).outcome == OFF}
+
+    assert failing(lambda p, v: None) == set()
+    assert failing(lambda p, v: p.__setitem__((0, 1, 2), 3e-3)) == {"energy_gain"}
+    assert failing(lambda p, v: v.__setitem__((0, 2, 0), 0.1)) == {"energy_gain", "kinetic_energy"}
+    assert failing(lambda p, v: p.__setitem__((0, slice(None), 2), 1.9e-3)) == {"depth"}
+    assert failing(lambda p, v: p.__setitem__((0, slice(None), 0), 1.2e-3)) == {"overlap"}
 
 
 def test_the_stored_table_is_that_of_the_stored_results(rows: list[Row]) -> None:
-    verdicts = table(rows, read_results(SET.with_name("results.csv"), rows))
-    assert verdicts == SET.with_name("conformance_table.md").read_text(encoding="utf-8")
+    results = [result for path in sorted((FOLDER / "results").glob("*.csv")) for result in read_results(path, rows)]
+    assert table(rows, results) == (FOLDER / "verdicts.md").read_text(encoding="utf-8")
+    assert {result.engine for result in results} > set(NAMES.values())
 
 
 def test_the_command_judges_a_file(rows: list[Row], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    spec = importlib.util.spec_from_file_location("conformance_command", SET.with_name("conformance.py"))
-    assert spec and spec.loader
-    command = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(command)
     results, target = right(rows), tmp_path / "table.md"
     write_results(results, tmp_path / "right.csv")
-    assert command.main(["--results", str(tmp_path / "right.csv"), "--table", str(target)]) == 0
+    assert judge.main([str(tmp_path / "right.csv"), "--table", str(target)]) == 0
     assert target.read_text(encoding="utf-8") == capsys.readouterr().out == table(rows, results)
     write_results([replace(results[0], value=1.0)], tmp_path / "wrong.csv")
-    assert command.main(["--results", str(tmp_path / "wrong.csv")]) == 1
-    assert command.main(["--results", str(tmp_path / "none.csv")]) == 2
-    assert command.main(["--check"]) == 0
+    assert judge.main([str(tmp_path / "wrong.csv")]) == 1
+    assert judge.main([str(tmp_path / "right.csv"), "--table", str(tmp_path)]) == 2
+    capsys.readouterr()
+    assert judge.main([str(tmp_path / "none.csv")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_command_runs_an_engine_and_judges_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--run", str(tmp_path / "r.csv"), "--only", "no step", "--case", "rebound", "two_parts_meet"]
+    assert run_conformance.main(arguments) == 0
+    assert "| `two_parts_meet` | pass |" in capsys.readouterr().out
+
+
+MOTION = "time,x,y,z,vx,vy,vz,wx,wy,wz\n"
+BODIES = MOTION.replace("\n", ",body\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "named"),
+    [
+        ("throws", MOTION, "--motion: is 'throws', must be rebound"),
+        ("slide", MOTION.replace(",wz", "") + "0" + ",0" * 8 + "\n", "wz: is missing"),
+        ("slide", MOTION + "0,0,0,fast" + ",0" * 6 + "\n", "line 2, column z: is 'fast', must be a finite number"),
+        ("slide", MOTION + 2 * ("0" + ",0" * 9 + "\n"), "line 3, column time: is 0, must be above 0, the time before"),
+        ("two_parts_meet", MOTION + "0" + ",0" * 9 + "\n", "column body: has 1 motions, must have 2"),
+        ("throw", MOTION + "0" + ",0" * 9 + "\n", "column time: ends at 0 s, must reach 3 s"),
+        ("slide_to_rest", MOTION + "0.5" + ",0" * 9 + "\n", "has too few rows for slide_to_rest"),
+        ("two_parts_meet", BODIES + "0.02,0\n0.03,1\n".replace(",", ",0" * 9 + ","), "column time: differs between"),
+        ("heap_at_rest", BODIES + "".join(f"1{',0' * 9},{i}\n" for i in range(12)), "attitudes: are missing"),
+        ("slide", MOTION.strip() + ",qw\n0" + ",0" * 10 + "\n", "attitudes: are incomplete, needed are all of qw"),
+    ],
+)
+def test_malformed_motions_are_refused_in_one_line(
+    name: str, text: str, named: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "motion.csv"
+    path.write_text(text, encoding="utf-8")
+    assert judge.main(["--motion", name, str(path)]) == 2
+    message = capsys.readouterr().err
+    assert named in message and message.count("\n") == 1
+
+
+def test_a_ball_that_is_thrown_off_has_no_top(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rows: list[Row]
+) -> None:
+    lines = "\n".join(f"{0.01 * i},0,0,{i},0,0,1,0,0,0" for i in range(301))
+    (tmp_path / "motion.csv").write_text(f"{MOTION}{lines}\n", encoding="utf-8")
+    assert judge.main(["--motion", "throw", str(tmp_path / "motion.csv")]) == 0
+    (tmp_path / "mine.csv").write_text(capsys.readouterr().out, encoding="utf-8")
+    (result,) = read_results(tmp_path / "mine.csv", rows)
+    assert result.failure == "thrown off" and math.isnan(result.value)
+
+
+def test_every_case_has_its_starts() -> None:
+    for name in OBSERVERS:
+        assert len(starts_of(name)) == len(attitudes(name)) == motions_of(name)
+
+
+# --- the folder by itself ---------------------------------------------------------------------------------------------
+
+
+def test_the_folder_imports_numpy_and_scipy_alone() -> None:
+    files = list(FOLDER.glob("*.py"))
+    allowed = {path.stem for path in files} | {"numpy", "scipy"} | sys.stdlib_module_names
+    names = {
+        name.split(".")[0]
+        for path in files
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else []
+        )
+    }
+    assert names - allowed == set()
+
+
+def test_the_folder_works_wherever_it_is_taken(rows: list[Row], tmp_path: Path) -> None:
+    """Under another name, from elsewhere, without the package."""
+    taken = tmp_path / "taken"
+    shutil.copytree(FOLDER, taken, ignore=shutil.ignore_patterns("__pycache__"))
+    (motion,) = own_motions(validated(raw_of("slide"), Scenario, Path("slide")))
+    states = np.column_stack([motion.time, motion.position, motion.velocity, motion.spin])
+    lines = "\n".join(",".join(map(str, state)) for state in states.tolist())
+    (tmp_path / "motion.csv").write_text(f"{MOTION}{lines}\n", encoding="utf-8")
+    results = run_alone(taken / "judge.py", "--motion", "slide", str(tmp_path / "motion.csv"))
+    (tmp_path / "mine.csv").write_text(results.stdout, encoding="utf-8")
+    judged = run_alone(taken / "judge.py", str(tmp_path / "mine.csv"))
+    assert (judged.returncode, judged.stderr) == (0, "")
+    assert "| `slide` | pass |" in judged.stdout and judged.stdout.startswith("| case | mine |")
+    assert run_alone(taken / "right_values.py").returncode == 0
+    refused = run_alone(taken / "judge.py", str(tmp_path / "none.csv"))
+    assert refused.returncode == 2 and refused.stderr.count("\n") == 1
+
+
+def run_alone(script: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """A script of the folder where nothing of this repository can be imported."""
+    without = "import runpy, sys; sys.modules['feeder_sim'] = None; sys.argv = sys.argv[1:]; "
+    code = without + "runpy.run_path(sys.argv[0], run_name='__main__')"
+    command = [sys.executable, "-I", "-c", code, str(script), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=script.anchor, check=False)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["impulse", "exact", "slide"])
 def test_own_engines_pass(engine: str, rows: list[Row]) -> None:
-    results = own_results(engine, CASES, quick=True)
+    results = own_results(engine, [name for name in CASES if not name.startswith("energy")], quick=True)
     lines = table(rows, results)
     assert "**" not in lines and "undecided" not in lines, lines
     assert passes(rows, results, results[0].engine)

@@ -28,9 +28,10 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import load_scenario
 
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(f"docs/{page.name}" for page in REPOSITORY.glob("docs/*.md"))]
-MORE_PAGES = ["CHANGELOG.md", "models/README.md", "benchmarks/peers/README.md"]  # whose links are looked at, too
-COPIED = ("scenarios", "models", "docs/tutorial", "docs/examples", "benchmarks/validation")
-SCRIPTS = ("benchmarks/", "docs/figures/", "docs/examples/")
+# Whose links are looked at, too.
+MORE_PAGES = ["CHANGELOG.md", "models/README.md", "benchmarks/peers/README.md", "conformance/README.md"]
+COPIED = ("scenarios", "models", "docs/tutorial", "docs/examples", "benchmarks/validation", "conformance")
+SCRIPTS = ("benchmarks/", "conformance/", "docs/figures/", "docs/examples/")
 SLOW = "# takes minutes"
 PROGRAMS = ("feeder-sim", ".venv/bin/feeder-sim")
 # What these do is tested elsewhere, or is not for a test to do: they install, open a window, or run the tests.

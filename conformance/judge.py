@@ -1,4 +1,10 @@
-"""Judging results of engines by the rows of the conformance set.
+"""Judge results of engines by the right values of the conformance set.
+
+    python conformance/judge.py RESULTS.csv ... [--table FILE.md]
+    python conformance/judge.py --motion CASE MOTION.csv [--every-step]
+
+The first prints a table of verdicts, with exit code 1 if anything is off; the second prints the quantities of a
+recorded motion as lines of such results. README.md beside this file has the formats of both.
 
 A value passes if it lies in the interval, widened by three of its standard errors. Few seeds that happen to be alike
 have a standard error that is too small; with `n` it counts as no less than that of n seeds of the ensemble. A value by
@@ -7,37 +13,20 @@ chance without a standard error, or with one of more than a twentieth of the sca
 
 from __future__ import annotations
 
+import argparse
 import math
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from conformance_set.cases import Row
+sys.path.insert(0, str(Path(__file__).parent))
+
+from case_files import ConformanceError, Result, Row, not_written, read_results, read_set
+from motions import OBSERVERS, observed_file
 
 PASS, OFF, UNDECIDED = "pass", "off", "undecided"
 WIDER, UNSURE = 3.0, 0.05  # standard errors that widen the interval; those larger than this, of the scale, say nothing
-
-
-@dataclass(frozen=True)
-class Result:
-    """What an engine gave.
-
-    Attributes:
-        case, quantity, value: as in the set; NaN where the engine gave none.
-        se: standard error; NaN for a value without chance.
-        engine: its name.
-        setting: steps per period, or per millisecond over a plate at rest; 0 if not said.
-        n: number of seeds; 0 if not said.
-        failure: why there is no value.
-    """
-
-    case: str
-    quantity: str
-    value: float
-    se: float = math.nan
-    engine: str = ""
-    setting: int = 0
-    n: int = 0
-    failure: str = ""
 
 
 @dataclass(frozen=True)
@@ -150,3 +139,49 @@ def passes(rows: Iterable[Row], results: Sequence[Result], engine: str) -> bool:
     own = [result for result in results if result.engine == engine]
     verdicts = (judged(row, result) for result in own for row in of_quantity[result.case, result.quantity])
     return bool(own) and all(verdict.outcome == PASS for verdict in verdicts)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("results", type=Path, nargs="*", metavar="RESULTS.csv", help="results of engines")
+    parser.add_argument("--table", type=Path, metavar="FILE.md", help="write the table as Markdown, too")
+    parser.add_argument("--motion", nargs=2, metavar=("CASE", "MOTION.csv"), help=f"CASE is {', '.join(OBSERVERS)}")
+    parser.add_argument("--every-step", action="store_true", help="the motion has a row right after each impact")
+    options = parser.parse_args(arguments)
+    if bool(options.results) == bool(options.motion):
+        parser.error("either RESULTS.csv or --motion is needed")
+    if (options.motion and options.table) or (options.every_step and not options.motion):
+        parser.error("--table belongs to RESULTS.csv, --every-step to --motion")
+    try:
+        if options.motion:
+            name, path = options.motion
+            numbers = observed_file(name, Path(path), every_step=options.every_step)
+            print("case,quantity,value,se,failure")
+            for quantity, value in numbers.items():
+                print(f"{name},{quantity}," + (f"{value:.6g},," if math.isfinite(value) else ",,thrown off"))
+            return 0
+        rows = read_set()
+        text = table(rows, [result for path in options.results for result in read_results(path, rows)])
+        print(text, end="")
+        if options.table:
+            write_table(text, options.table)
+    except ConformanceError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return int("**" in text)
+
+
+def write_table(text: str, path: Path) -> None:
+    """Write verdicts.
+
+    Raises:
+        ConformanceError: the file cannot be written.
+    """
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise not_written(path, error) from error
+
+
+if __name__ == "__main__":
+    sys.exit(main())
