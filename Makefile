@@ -2,7 +2,7 @@
 BIN := .venv/bin
 SUBJECT ?= contact
 
-.PHONY: test quick slow lint library docs all
+.PHONY: test quick slow lint library docs chart all
 
 test: # all but the slow ones
 	$(BIN)/pytest -n 2 --dist worksteal
@@ -30,3 +30,6 @@ docs:
 
 all: # as before a release
 	.ci/run
+
+chart: # every number and picture of docs/choosing.md, and other simulators beside: an hour
+	$(BIN)/python benchmarks/chart.py

@@ -1,21 +1,68 @@
-"""Run the other simulators (benchmarks/peers) and write the table of their points.
+"""The chart of docs/choosing.md, with every number and picture of that page.
 
-    python benchmarks/chart.py [--quick] [--out benchmarks/chart]
+    python benchmarks/chart.py [--quick] [--only own|peers|maps|page]
 
-They get a virtual environment of their own, .venv-peers, made on the first call. Writes peers.csv to the folder, with a
-row per case, simulator and setting; see benchmarks/peers/README.md. Takes about seven minutes on one core.
+own     the methods of this package on the scenes of chart_scenes.py: own.csv
+peers   other simulators on those they can be given (benchmarks/peers), in an environment of their own, .venv-peers,
+        which the first call makes: peers.csv
+maps    where each engine fails (stability_maps.py): stability.csv, stability_ENGINE.png
+page    pictures, and the tables of the page, from these files
+
+`--quick` takes few seeds, and writes to a folder chart_quick beside, never to the page. chart.toml says which commit
+and machine made the files, and what the engines gave then: tests/unit/test_chart.py says when they give something else.
 """
 
 from __future__ import annotations
 
-import argparse
+import csv
+import datetime
+import itertools
+import platform
 import subprocess
 import venv
+from collections.abc import Iterable
+from enum import StrEnum
+from importlib.metadata import version
 from pathlib import Path
+from typing import Annotated
+
+import stability_maps
+import tomli_w
+import typer
+from chart_page import draw, read_rows, write_page
+from chart_scenes import SCENES, Row, drift_map_rows, engine_values
 
 ROOT = Path(__file__).parents[1]
 PEERS = Path(__file__).parent / "peers"
 ENVIRONMENT = ROOT / ".venv-peers"
+MADE = "chart.toml"
+DISTRIBUTIONS = ("feeder-sim", "mujoco", "numpy", "numba")
+
+
+class Part(StrEnum):
+    """What can be made by itself."""
+
+    OWN = "own"
+    PEERS = "peers"
+    MAPS = "maps"
+    PAGE = "page"
+
+
+def write_own(path: Path, *, quick: bool) -> None:
+    """Run the methods of this package; the file grows with each setting."""
+    rows: list[Row] = []
+    for row in itertools.chain(*(scene.rows(quick) for scene in SCENES), drift_map_rows(quick)):
+        rows.append(row)
+        write_rows(rows, path)
+        numbers = f"{row.error:8.3g} %  cost {row.cost:6.3g}"
+        print(f"{row.scene:<12} {row.method:<11} {row.setting:<20} {numbers}", flush=True)
+
+
+def write_rows(rows: Iterable[Row], path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, Row.__dataclass_fields__, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(row.as_dict() for row in rows)
 
 
 def run_peers(table: Path, *, quick: bool) -> None:
@@ -29,14 +76,47 @@ def run_peers(table: Path, *, quick: bool) -> None:
     subprocess.run([python, str(PEERS / "run.py"), "--out", str(table), *few], check=True)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="fewer settings and seeds")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "chart", help="folder")
-    arguments = parser.parse_args()
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    run_peers(arguments.out / "peers.csv", quick=arguments.quick)
+def made() -> dict[str, object]:
+    """Commit, day, machine and versions, and what the engines give."""
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True
+    )
+    return {
+        "commit": commit.stdout.strip(),
+        "day": datetime.datetime.now(datetime.UTC).date(),
+        "machine": _processor(),
+        "python": platform.python_version(),
+        "versions": {name: version(name) for name in DISTRIBUTIONS},
+        "values": engine_values(),
+    }
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+def main(
+    quick: Annotated[bool, typer.Option("--quick", help="few seeds")] = False,
+    only: Annotated[list[Part] | None, typer.Option("--only", help="make these; repeatable [all]")] = None,
+) -> None:
+    folder = Path(__file__).parent / ("chart_quick" if quick else "chart")
+    folder.mkdir(exist_ok=True)
+    parts = only or list(Part)
+    if Part.OWN in parts:
+        (folder / MADE).write_text(tomli_w.dumps(made()), encoding="utf-8")
+        write_own(folder / "own.csv", quick=quick)
+    if Part.PEERS in parts:
+        run_peers(folder / "peers.csv", quick=quick)
+    if Part.MAPS in parts:
+        stability_maps.main(quick=quick, out=folder)
+    if Part.PAGE in parts:
+        rows = read_rows(folder)
+        draw(rows, folder)
+        if not quick:
+            write_page(rows, folder, ROOT / "docs" / "choosing.md")
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

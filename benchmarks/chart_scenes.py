@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 sys.path += [str(Path(__file__).parent / folder) for folder in ("peers", "validation")]
 
@@ -39,6 +40,7 @@ from chart_cases import (
     strip,
 )
 from cube_tosses import DATA, compute_tosses, read_tosses
+from drift_map_errors import compare_passage, compare_transport
 from heap import DURATION_S, energy, starts
 from numpy.typing import NDArray
 from right_values import ball_height, tray_speed
@@ -66,6 +68,7 @@ from feeder_sim.studies.chart.settings import (
     is_default,
     settings_of,
 )
+from feeder_sim.studies.drift_map.making import make_map, strip_of
 from feeder_sim.studies.drops import ENGINES, Throw
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -74,6 +77,7 @@ REPEATS, TIMED_S = 5, 0.2
 TOSS_STEPS = (20, 40, 80)  # in 4 ms
 HEAP_FRAMES_PER_S = 1000.0
 THROWS = 500  # of each block
+MAP_SEEDS = 100
 BALL_RADIUS_MM, BALL_FRAMES_PER_S = 1.5, 2000.0
 GATHERING_S, GATHERING_COUNT = 2.0, 20
 STILL_MS = 4.0  # steps of a plate at rest are so many in this time
@@ -449,6 +453,7 @@ SCENES = (
         "measured (ContactNets, 285 tosses)",
         toss_rows,
         toss_wall_s,
+        "tosses",
     ),
     Scene(
         "throws",
@@ -464,5 +469,41 @@ SCENES = (
         "largest gain of energy in 1 ms",
         "law: none",
         Alone("heap", heap_scenario().model_dump(), _heap_error),
+        "heap",
     ),
 )
+
+
+def drift_map_rows(quick: bool) -> Iterator[Row]:
+    """Walks by one drift map, which is made first; errors are against the same scenario with default settings."""
+    nut, seeds = load_scenario(SCENARIOS / "drift_4750hz.toml"), 4 if quick else STUDY_SEEDS
+    drift_map = make_map(nut, strip_of(nut), seeds=4 if quick else MAP_SEEDS)
+    for name, file, compare, number in (
+        ("drift_4750", "drift_4750hz", compare_passage, seeds),
+        ("drift_8775", "drift_8775hz", compare_passage, seeds),
+        ("transport", "transport_strip", compare_transport, seeds // 2),
+    ):
+        found = compare(drift_map, load_scenario(SCENARIOS / f"{file}.toml"), number)
+        error, walked = (abs(found.error_percent), found.error_se_percent), found.walked
+        numbers = walked.mean, math.hypot(walked.se, found.map_se), walked.n, *error, 1.0 / found.speed_up
+        yield Row(name, "drift map", "", *numbers, found.walked_cpu_s)
+
+
+def engine_values() -> dict[str, float]:
+    """What each engine gives at a point of the chart, from which it can be told that it has changed since."""
+    drift = load_scenario(SCENARIOS / "drift_8775hz.toml")
+    settings: dict[str, dict[str, Any]] = {
+        NO_STEP: {},
+        STEPS: {"run.steps_per_period": 40},
+        MUJOCO: {"run.engine": "mujoco", "run.steps_per_period": 20},
+    }
+    values = {}
+    for name, changes in settings.items():
+        result = simulate(drift.changed(changes | {"run.seeds": 1}, file=FILE))
+        values[name] = float(result.measures()["transport_speed_mm_s"]["mean"])
+    (heap,) = simulate(with_run(heap_scenario(), duration_s=0.1)).seeds
+    block = blocks()[2]
+    return values | {
+        "many parts": float(heap.frames.position[-1].sum()),
+        "drops": block.computed(100, Throw.of(block.part()), work=Work(1)),
+    }

@@ -16,6 +16,7 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -185,6 +186,39 @@ ENGINES: dict[str, Callable[[float], Heap]] = {
 }
 
 
+@dataclass(frozen=True)
+class HeapStudy:
+    """What a heap did.
+
+    Attributes:
+        largest, total: gain of energy between two looks and of all of them, over that at the start [%].
+        left: energy at the end above the least that there was, over that at the start [%].
+        lowest: height of the lowest centre at the end [m].
+        wall_s: per simulated second [s].
+    """
+
+    largest: float
+    total: float
+    left: float
+    lowest: float
+    wall_s: float
+
+
+def watched(heap: Heap, steps_per_ms: int) -> HeapStudy:
+    """Advance a heap and look at its energy."""
+    values, wall = [energy(heap.motion())], 0.0
+    for _ in range(round(DURATION_S / LOOK_S)):
+        began = time.perf_counter()
+        heap.advance(round(LOOK_S * 1e3 * steps_per_ms))
+        wall += time.perf_counter() - began
+        values.append(energy(heap.motion()))
+    gains = np.maximum(np.diff(values), 0.0)
+    largest, total, left = (
+        100.0 * float(each) / values[0] for each in (gains.max(), gains.sum(), values[-1] - min(values))
+    )
+    return HeapStudy(float(largest), float(total), left, float(heap.motion()[:, 2].min()), wall / DURATION_S)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps-per-ms", type=int, nargs="+", default=list(STEPS_PER_MS))
@@ -197,16 +231,9 @@ def main() -> int:
             except ImportError as error:
                 print(f"{name}: skipped, not installed ({error})", file=sys.stderr)
                 continue
-            values, wall = [energy(heap.motion())], 0.0
-            for _ in range(round(DURATION_S / LOOK_S)):
-                began = time.perf_counter()
-                heap.advance(round(LOOK_S * 1e3 * steps))
-                wall += time.perf_counter() - began
-                values.append(energy(heap.motion()))
-            gains, lowest = np.maximum(np.diff(values), 0.0), 1e3 * heap.motion()[:, 2].min()
-            percent = 100.0 * np.array([gains.max(), gains.sum(), values[-1] - min(values)]) / values[0]
-            shown = f"{percent[0]:14.3g}  {percent[1]:11.3g}  {percent[2]:17.3g}  {lowest:9.4g}"
-            print(f"{name:<34} {steps:8d}  {shown}  {wall / DURATION_S:8.2g}", flush=True)
+            study = watched(heap, steps)
+            shown = f"{study.largest:14.3g}  {study.total:11.3g}  {study.left:17.3g}  {1e3 * study.lowest:9.4g}"
+            print(f"{name:<34} {steps:8d}  {shown}  {study.wall_s:8.2g}", flush=True)
     return 0
 
 

@@ -14,6 +14,7 @@ import importlib
 import math
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,11 @@ import cases
 import throws
 from cases import AT_REST, DRIFTS, Method, Outcome
 from chart_scenes import SCENES
+from cube_tosses import DATA, read_tosses
+from heap import ENGINES as HEAPS
+from heap import watched
+from tosses import ENGINES as TOSSERS
+from tosses import scores
 
 from feeder_sim.measures.statistic import Statistic
 
@@ -37,6 +43,8 @@ HEADER = ("case", "method", "setting", "value", "se", "n", "wall_s", "cost", "fa
 DEFAULT_WALL_S = {scene.case: scene.default_wall_s for scene in SCENES}
 PER_PERIOD, PER_MS, DRIFT_STEPS = (20, 40, 80, 160, 320), (20, 40, 80, 160, 320, 640), (20, 40)
 QUICK = (20, 80)
+GROUP_STEPS = (10, 40)  # per millisecond
+LEAST_HEIGHT = 0.9e-3  # of the centre of a nut that lies flat, 1 mm [m]
 THROW_STEPS, THROWS, THROWS_QUICK = 10, 250, 10
 SEEDS, SEEDS_QUICK = 16, 2
 SECONDS = 40.0  # of wall time that the seeds of one setting may take; slower engines get fewer of them
@@ -80,7 +88,7 @@ def outcome_of(case: str, method: Method, steps: int, seeds: int) -> Outcome:
     return single[case](method, steps)
 
 
-def row_of(case: str, method: Method, steps: int, seeds: int, outcome: Outcome) -> dict[str, Any]:
+def row_of(case: str, method: str, steps: int, seeds: int, outcome: Outcome) -> dict[str, Any]:
     """One line of the table; the cost is over that of the default of this package, which is measured right after."""
     wall = outcome.wall_s / outcome.simulated_s
     statistic = Statistic.of(outcome.values)
@@ -89,7 +97,7 @@ def row_of(case: str, method: Method, steps: int, seeds: int, outcome: Outcome) 
         details += f"; {seeds} of {SEEDS} seeds"
     return {
         "case": case,
-        "method": method.name,
+        "method": method,
         "setting": steps,
         "value": f"{statistic.mean:.5g}" if statistic.n else "",
         "se": f"{se:.3g}" if math.isfinite(se := statistic.se if statistic.n > 1 else outcome.se) else "",
@@ -99,6 +107,29 @@ def row_of(case: str, method: Method, steps: int, seeds: int, outcome: Outcome) 
         "failure": "; ".join(sorted(set(outcome.failures))),
         "details": details,
     }
+
+
+def groups(*, quick: bool) -> Iterator[tuple[str, str, int, Outcome]]:
+    """Case, engine, steps per millisecond and outcome of what has a program of its own: tosses, and a heap [%]."""
+    measured = read_tosses(DATA)[:: 20 if quick else 1]
+    for name, module in TOSSERS.items():
+        try:
+            engine: Any = importlib.import_module(module)
+        except ImportError:
+            continue
+        for steps in GROUP_STEPS:
+            study = scores(measured, engine, steps)
+            error = 100.0 * study["median_error_mm"] / study["median_way_mm"]
+            yield "tosses", name, steps, Outcome([error], wall_s=study["processor_s_per_s"], simulated_s=1.0)
+    for name, build in HEAPS.items():
+        for steps in GROUP_STEPS:
+            try:
+                heap = watched(build(1e-3 / steps), steps)
+            except ImportError:
+                break
+            failures = ["sinks into the plate"] if heap.lowest < LEAST_HEIGHT else []
+            values = [] if failures else [heap.largest]
+            yield "heap", name, steps, Outcome(values, failures, heap.wall_s, 1.0)
 
 
 def methods_installed(only: str | None, modules: dict[str, str] = MODULES) -> list[Method]:
@@ -122,14 +153,20 @@ def main() -> int:
     with options.out.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, HEADER)
         writer.writeheader()
+
+        def note(row: dict[str, Any]) -> None:
+            writer.writerow(row)
+            file.flush()
+            shown = " ".join(f"{row[key]!s:>9}" for key in HEADER[2:8])
+            print(f"{row['case']:<15} {row['method']:<21} {shown}  {row['failure']}", file=sys.stderr)
+
         for method in methods_installed(options.only):
             for case in (*method.cases, *(("tray",) if method.shakes else ())):
                 for steps, seeds in plan(case, method, quick=options.quick):
-                    row = row_of(case, method, steps, seeds, outcome_of(case, method, steps, seeds))
-                    writer.writerow(row)
-                    file.flush()
-                    shown = " ".join(f"{row[key]!s:>9}" for key in HEADER[2:8])
-                    print(f"{case:<15} {method.name:<21} {shown}  {row['failure']}", file=sys.stderr)
+                    note(row_of(case, method.name, steps, seeds, outcome_of(case, method, steps, seeds)))
+        for case, name, steps, outcome in groups(quick=options.quick):
+            if options.only is None or options.only.lower() in name.lower():
+                note(row_of(case, name, steps, 1, outcome))
     print(f"{time.perf_counter() - started:.0f} s", file=sys.stderr)
     return 0
 
