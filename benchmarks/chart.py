@@ -1,8 +1,9 @@
 """The chart of docs/choosing.md, with every number and picture of that page.
 
-    python benchmarks/chart.py [--quick] [--only own|peers|maps|page]
+    python benchmarks/chart.py [--quick] [--only own|command|peers|maps|page]
 
 own     the methods of this package on the scenes of chart_scenes.py: own.csv
+command the study of one scenario, as `feeder-sim chart` makes it: drift_8775hz.png, .csv
 peers   other simulators on those they can be given (benchmarks/peers), in an environment of their own, .venv-peers,
         which the first call makes: peers.csv
 maps    where each engine fails (stability_maps.py): stability.csv, stability_ENGINE.png
@@ -18,7 +19,10 @@ import csv
 import datetime
 import itertools
 import platform
+import shutil
 import subprocess
+import sys
+import tempfile
 import venv
 from collections.abc import Iterable
 from enum import StrEnum
@@ -30,12 +34,14 @@ import stability_maps
 import tomli_w
 import typer
 from chart_page import draw, read_rows, write_page
-from chart_scenes import SCENES, Row, drift_map_rows, engine_values
+from chart_scenes import SCENES, STUDY_SEEDS, Row, drift_map_rows, engine_values
+
+from feeder_sim.studies.chart.settings import METHODS
 
 ROOT = Path(__file__).parents[1]
 PEERS = Path(__file__).parent / "peers"
 ENVIRONMENT = ROOT / ".venv-peers"
-MADE = "chart.toml"
+MADE, SHOWN = "chart.toml", "drift_8775hz"
 DISTRIBUTIONS = ("feeder-sim", "mujoco", "numpy", "numba")
 
 
@@ -43,6 +49,7 @@ class Part(StrEnum):
     """What can be made by itself."""
 
     OWN = "own"
+    COMMAND = "command"
     PEERS = "peers"
     MAPS = "maps"
     PAGE = "page"
@@ -56,6 +63,17 @@ def write_own(path: Path, *, quick: bool) -> None:
         write_rows(rows, path)
         numbers = f"{row.error:8.3g} %  cost {row.cost:6.3g}"
         print(f"{row.scene:<12} {row.method:<11} {row.setting:<20} {numbers}", flush=True)
+
+
+def run_command(folder: Path, *, quick: bool) -> None:
+    """The study of one scenario that the page shows, by the command that it tells."""
+    scenario = ROOT / "scenarios" / f"{SHOWN}.toml"
+    methods = itertools.chain(*(("--method", method) for method in METHODS))
+    with tempfile.TemporaryDirectory() as place:
+        arguments = ["--seeds", str(4 if quick else STUDY_SEEDS), *methods, "--out", f"{place}/chart"]
+        subprocess.run([sys.executable, "-m", "feeder_sim", "chart", str(scenario), *arguments], check=True)
+        for suffix in (".png", ".csv"):
+            shutil.copy(Path(place, "chart", f"chart{suffix}"), folder / f"{SHOWN}{suffix}")
 
 
 def write_rows(rows: Iterable[Row], path: Path) -> None:
@@ -107,6 +125,8 @@ def main(
     if Part.OWN in parts:
         (folder / MADE).write_text(tomli_w.dumps(made()), encoding="utf-8")
         write_own(folder / "own.csv", quick=quick)
+    if Part.COMMAND in parts:
+        run_command(folder, quick=quick)
     if Part.PEERS in parts:
         run_peers(folder / "peers.csv", quick=quick)
     if Part.MAPS in parts:
