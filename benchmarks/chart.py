@@ -24,7 +24,7 @@ import subprocess
 import sys
 import tempfile
 import venv
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
@@ -33,14 +33,15 @@ from typing import Annotated
 import stability_maps
 import tomli_w
 import typer
-from chart_page import draw, read_rows, write_page
-from chart_scenes import SCENES, STUDY_SEEDS, Row, drift_map_rows, engine_values
+from chart_page import draw, own_rows, read_rows, write_page
+from chart_scenes import MAPPED, SCENES, STUDY_SEEDS, Row, drift_map_rows, engine_values
 
 from feeder_sim.studies.chart.settings import METHODS
 
 ROOT = Path(__file__).parents[1]
 PEERS = Path(__file__).parent / "peers"
 ENVIRONMENT = ROOT / ".venv-peers"
+NAMES = [scene.name for scene in SCENES]
 MADE, SHOWN = "chart.toml", "drift_8775hz"
 DISTRIBUTIONS = ("feeder-sim", "mujoco", "numpy", "numba")
 
@@ -55,12 +56,15 @@ class Part(StrEnum):
     PAGE = "page"
 
 
-def write_own(path: Path, *, quick: bool) -> None:
-    """Run the methods of this package; the file grows with each setting."""
-    rows: list[Row] = []
-    for row in itertools.chain(*(scene.rows(quick) for scene in SCENES), drift_map_rows(quick)):
+def write_own(path: Path, scenes: Sequence[str], *, quick: bool) -> None:
+    """Run the methods of this package on scenes; the file grows with each setting, rows of other scenes are kept."""
+    rows = [row for row in own_rows(path) if row.scene not in scenes] if path.exists() else []
+    made = [scene.rows(quick) for scene in SCENES if scene.name in scenes]
+    if MAPPED.keys() & set(scenes):
+        made.append(row for row in drift_map_rows(quick) if row.scene in scenes)
+    for row in itertools.chain(*made):
         rows.append(row)
-        write_rows(rows, path)
+        write_rows(sorted(rows, key=lambda row: NAMES.index(row.scene)), path)
         numbers = f"{row.error:8.3g} %  cost {row.cost:6.3g}"
         print(f"{row.scene:<12} {row.method:<11} {row.setting:<20} {numbers}", flush=True)
 
@@ -117,6 +121,7 @@ def _processor() -> str:
 
 def main(
     quick: Annotated[bool, typer.Option("--quick", help="few seeds")] = False,
+    scene: Annotated[list[str] | None, typer.Option("--scene", help=f"with `own`, of {', '.join(NAMES)} [all]")] = None,
     only: Annotated[list[Part] | None, typer.Option("--only", help="make these; repeatable [all]")] = None,
 ) -> None:
     folder = Path(__file__).parent / ("chart_quick" if quick else "chart")
@@ -124,7 +129,7 @@ def main(
     parts = only or list(Part)
     if Part.OWN in parts:
         (folder / MADE).write_text(tomli_w.dumps(made()), encoding="utf-8")
-        write_own(folder / "own.csv", quick=quick)
+        write_own(folder / "own.csv", scene or NAMES, quick=quick)
     if Part.COMMAND in parts:
         run_command(folder, quick=quick)
     if Part.PEERS in parts:

@@ -22,13 +22,14 @@ from feeder_sim.document.figure import empty_figure, make_logarithmic
 from feeder_sim.plots.intervals import COLOURS
 from feeder_sim.studies.chart.settings import MUJOCO, NO_STEP, SIMPLIFIED, STEPS
 
-ALIKE, SURE = 1.25, 2.0  # ratio of costs that count as equal; standard errors
+ALIKE, SURE = 1.4, 2.0  # ratio of costs that count as equal; standard errors
 NEAR = 0.1  # [%]; errors that differ by less count as equal
 LEAST = 1e-3  # [%]; what is drawn for a smaller error
-COLUMNS = 4
+COLUMNS, DECADES = 4, 2.0  # of the picture; on an axis from which powers of ten alone are marked
+FINEST, MAP = "finest", "drift map"
 END = "<!-- end -->"
-OWN = {NO_STEP: COLOURS[0], STEPS: COLOURS[2], MUJOCO: COLOURS[1], "drops": COLOURS[0], "drift map": COLOURS[3]}
-OWN_NAMES = {NO_STEP: "no step", STEPS: "steps", MUJOCO: "MuJoCo engine", "drops": "throws", "drift map": "drift map"}
+OWN = {NO_STEP: COLOURS[0], STEPS: COLOURS[2], MUJOCO: COLOURS[1], "drops": COLOURS[0], MAP: COLOURS[3]}
+OWN_NAMES = {NO_STEP: "no step", STEPS: "steps", MUJOCO: "MuJoCo engine", "drops": "no step", MAP: MAP}
 OTHERS = {
     "Bullet": "#6b8e23",
     "Rapier": "#b3261e",
@@ -54,14 +55,19 @@ SENTENCES = {
 
 def read_rows(folder: Path) -> list[Row]:
     """Rows of this package and of other simulators, each beside the right value of its scene."""
-    with (folder / "own.csv").open(newline="", encoding="utf-8") as file:
-        rows = [_own(record) for record in csv.DictReader(file)]
+    rows = own_rows(folder / "own.csv")
     scenes = {scene.case: scene for scene in SCENES if scene.case}
     peers = folder / "peers.csv"
     if peers.exists():
         with peers.open(newline="", encoding="utf-8") as file:
             rows += [_peer(record, scenes[record["case"]], rows) for record in csv.DictReader(file)]
     return rows
+
+
+def own_rows(path: Path) -> list[Row]:
+    """Rows of this package."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return [_own(record) for record in csv.DictReader(file)]
 
 
 def _own(record: dict[str, str]) -> Row:
@@ -107,9 +113,10 @@ def reference(scene: Scene, rows: Sequence[Row]) -> Row:
 
 
 def of(scene: Scene, rows: Sequence[Row]) -> list[Row]:
-    """What can be chosen in a scene: it has an error, and leaves nothing out."""
+    """What can be chosen in a scene: it has an error, leaves nothing out, and is not what errors are against."""
     known = [row for row in rows if row.scene == scene.name and row.method != SIMPLIFIED]
-    return [row for row in known if math.isfinite(row.error) and math.isfinite(row.cost)]
+    by_itself = reference(scene, rows) if FINEST in scene.right else None
+    return [row for row in known if row is not by_itself and math.isfinite(row.error) and math.isfinite(row.cost)]
 
 
 def better(row: Row, than: Row) -> bool:
@@ -132,10 +139,17 @@ def verdict(scene: Scene, rows: Sequence[Row]) -> str:
     """What to choose."""
     choices, default = of(scene, rows), default_of(scene, rows)
     others = [row for row in choices if better(row, default)]
-    if not others:
-        return "the default"
-    best = min(others, key=lambda row: row.cost)
-    return f"{named(best)}: {best.cost:.2g} of the cost, {percent(best)}"
+    engines = [row for row in others if row.method != MAP]
+    best = min(engines, key=lambda row: row.cost, default=None)
+    text = f"{named(best)}: {_cost(best)} of the cost, {percent(best)}" if best else "the default"
+    return text + "".join(
+        f"; for the mean way a {MAP}: {_cost(row)}, {percent(row)}" for row in others if row.method == MAP
+    )
+
+
+def _cost(row: Row) -> str:
+    """Over the default's, two digits."""
+    return f"{float(f'{row.cost:.2g}'):g}"
 
 
 def named(row: Row) -> str:
@@ -149,6 +163,8 @@ def percent(row: Row) -> str:
     """The error, with two standard errors where it has one."""
     if row.error < LEAST and not row.error_se:
         return f"below {LEAST:g} %"
+    if row.error < NEAR and not row.error_se:
+        return f"{row.error:.1g} %"
     digits = 0 if row.error >= 10.0 else 1 if row.error >= 1.0 or row.error_se else 2
     spread = f" ± {SURE * row.error_se:.{max(digits, 1)}f}" if row.error_se else ""
     return f"{row.error:.{digits}f}{spread} %"
@@ -194,9 +210,9 @@ def simulators(rows: Sequence[Row], _: Path) -> str:
             failed = [row for row in rows if row.scene == scene.name and row.method == name and row.failure]
             if points:
                 nearest = min(points, key=lambda row: (row.error, row.cost))
-                cells.append(f"{percent(nearest)}, {nearest.cost:.2g}x")
+                cells.append(f"{percent(nearest)}, {_cost(nearest)}x")
             else:
-                cells.append(failed[0].failure if failed else "-")
+                cells.append(failed[0].failure.partition(";")[0] if failed else "-")
         lines.append((scene.title, *cells))
     return table(("scene", *(OWN_NAMES.get(name, name) for name in names)), lines)
 
@@ -207,7 +223,7 @@ def references(rows: Sequence[Row], _: Path) -> str:
     for scene in SCENES:
         checks = "-"
         settings = [row for row in rows if row.scene == scene.name and row.method == NO_STEP]
-        if "finest" in scene.right:
+        if FINEST in scene.right:
             stepped = [row for row in rows if row.scene == scene.name and row.method == STEPS]
             checks = f"next finest {percent(settings[-2])} off, {stepped[-1].setting} {percent(stepped[-1])}"
         lines.append((scene.title, scene.measure, scene.right, checks))
@@ -274,14 +290,14 @@ def draw(rows: Sequence[Row], folder: Path) -> None:
 
 
 def _draw_scene(axes: Any, scene: Scene, rows: Sequence[Row], labels: dict[str, Any]) -> None:
-    best = sorted(front(rows), key=lambda row: row.cost)
+    best = sorted(front([row for row in rows if row.method != MAP]), key=lambda row: row.cost)
     axes.plot([r.cost for r in best], [_drawn(r) for r in best], color="#f0d9a0", linewidth=9, alpha=0.6, zorder=0)
-    for method in dict.fromkeys(row.method for row in rows):
-        points = [row for row in rows if row.method == method]
+    for method, suffix in dict.fromkeys(_line_of(row) for row in rows):
+        points = [row for row in rows if _line_of(row) == (method, suffix)]
         colour = OWN.get(method) or OTHERS.get(method, "#bbbbbb")
         x, y = [row.cost for row in points], [_drawn(row) for row in points]
         reach = [SURE * row.error_se for row in points]
-        low = [min(r, e - 0.5 * LEAST) for r, e in zip(reach, y, strict=True)]
+        low = [min(r, 0.8 * e) for r, e in zip(reach, y, strict=True)]
         axes.errorbar(x, y, [low, reach], fmt="none", ecolor=colour, alpha=0.4, linewidth=1.0)
         (line,) = axes.plot(x, y, "o-" if method in OWN else "s--", color=colour, markersize=4, linewidth=1.0)
         labels.setdefault(OWN_NAMES.get(method, method), line)
@@ -289,11 +305,18 @@ def _draw_scene(axes: Any, scene: Scene, rows: Sequence[Row], labels: dict[str, 
         if row.default:
             axes.plot(row.cost, _drawn(row), "o", markersize=11, markerfacecolor="none", markeredgecolor="black")
     axes.axhline(5.0, color="0.5", linewidth=0.8, linestyle=":")
-    make_logarithmic(axes.xaxis)
-    make_logarithmic(axes.yaxis)
+    axes.loglog()
+    for axis, values in ((axes.xaxis, [row.cost for row in rows]), (axes.yaxis, [_drawn(row) for row in rows])):
+        if math.log10(max(values) / min(values)) <= DECADES:
+            make_logarithmic(axis)
     axes.set(title=scene.title, xlabel="cost over the default's", ylabel="error (%)")
     axes.title.set_fontsize(10)
     axes.grid(True, alpha=0.3)
+
+
+def _line_of(row: Row) -> tuple[str, str]:
+    """Settings that differ in their steps alone are one line."""
+    return row.method, "" if row.method in OWN else row.setting.partition(", ")[2]
 
 
 def _drawn(row: Row) -> float:

@@ -76,8 +76,9 @@ STUDY_SEEDS, MUJOCO_SEEDS = 64, 16
 REPEATS, TIMED_S = 5, 0.2
 TOSS_STEPS = (20, 40, 80)  # in 4 ms
 HEAP_FRAMES_PER_S = 1000.0
-THROWS = 500  # of each block
+THROWS = 2000  # of each block
 MAP_SEEDS = 100
+MAPPED = {"drift_4750": "drift_4750hz", "drift_8775": "drift_8775hz", "transport": "transport_strip"}  # by a drift map
 BALL_RADIUS_MM, BALL_FRAMES_PER_S = 1.5, 2000.0
 GATHERING_S, GATHERING_COUNT = 2.0, 20
 STILL_MS = 4.0  # steps of a plate at rest are so many in this time
@@ -478,11 +479,12 @@ def drift_map_rows(quick: bool) -> Iterator[Row]:
     """Walks by one drift map, which is made first; errors are against the same scenario with default settings."""
     nut, seeds = load_scenario(SCENARIOS / "drift_4750hz.toml"), 4 if quick else STUDY_SEEDS
     drift_map = make_map(nut, strip_of(nut), seeds=4 if quick else MAP_SEEDS)
-    for name, file, compare, number in (
-        ("drift_4750", "drift_4750hz", compare_passage, seeds),
-        ("drift_8775", "drift_8775hz", compare_passage, seeds),
-        ("transport", "transport_strip", compare_transport, seeds // 2),
+    for name, file in (
+        ("drift_4750", "drift_4750hz"),
+        ("drift_8775", "drift_8775hz"),
+        ("transport", "transport_strip"),
     ):
+        compare, number = (compare_transport, seeds // 2) if name == "transport" else (compare_passage, seeds)
         found = compare(drift_map, load_scenario(SCENARIOS / f"{file}.toml"), number)
         error, walked = (abs(found.error_percent), found.error_se_percent), found.walked
         numbers = walked.mean, math.hypot(walked.se, found.map_se), walked.n, *error, 1.0 / found.speed_up

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from feeder_sim.api.calls import simulate as simulate
     from feeder_sim.api.opened import open as open
     from feeder_sim.api.result import Result as Result
+    from feeder_sim.api.studies import calibrate as calibrate
     from feeder_sim.api.studies import chart as chart
     from feeder_sim.api.studies import optimise as optimise
     from feeder_sim.api.studies import speed_map as speed_map
@@ -64,6 +65,7 @@ _PUBLIC = {
     "StatisticsOnly": "run.keep",
     "build_replay": "replay.replay",
     "build_scene": "scene.scene",
+    "calibrate": "api.studies",
     "chart": "api.studies",
     "compare": "api.calls",
     "document_of": "report.document_of",

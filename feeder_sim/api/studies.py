@@ -16,6 +16,7 @@ from feeder_sim.measures.protocol import Measure
 from feeder_sim.pool.work import Work
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.ask import ask, folder_of
+from feeder_sim.studies.calibration.calibrate import Calibration, calibration_of
 from feeder_sim.studies.chart.chart import Chart, ChartQuestion
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
@@ -259,6 +260,42 @@ def chart(
     work = Work(workers, executor, stop=stop or threading.Event())
     question = ChartQuestion.of(measure=measure, method=methods, seeds=seeds, within=within, known=known)
     return cast("Chart", _study_of(question, scenario, work, out, progress))
+
+
+def calibrate(
+    file: str | Path,
+    *,
+    points: int | None = None,
+    seeds: int | None = None,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    out: str | Path | None = None,
+    progress: Progress = None,
+    stop: threading.Event | None = None,
+) -> Calibration:
+    """What measurements say about constants that are not known exactly, and what they cannot decide.
+
+    In a script, call it below `if __name__ == "__main__":`, as everything that starts processes.
+
+    Args:
+        file: TOML with experiments and priors.
+        points: of each of two rounds; default: 32.
+        seeds: of every point; default: 8.
+        workers: processes; default: one per core.
+        executor: runs the tasks in place of processes of this machine, as that of a Dask client.
+        out: folder for the tables and a journal, as of the command; with it the same call goes on after a break.
+        progress: True shows a bar on stderr; a function is called with the share that is done.
+        stop: set it to end; what is done is returned.
+
+    Raises:
+        InputError: the file or an argument is not allowed, there is no such measure, too few points have a value of it,
+            or the folder holds something else.
+        MissingExtra: scikit-learn is not installed.
+        RecordingFailed: the folder cannot be written.
+    """
+    question = calibration_of(path_of_user(file, "calibrate"), points, seeds)
+    work = Work(workers, executor, stop=stop or threading.Event())
+    return cast("Calibration", _study_of(question, question.experiment[0].scenario, work, out, progress))
 
 
 def _study_of(

@@ -16,6 +16,7 @@ import typer
 
 from feeder_sim import __version__
 from feeder_sim.cli.app import app as app_command
+from feeder_sim.cli.calibrate import calibrate
 from feeder_sim.cli.commands import Commands
 from feeder_sim.cli.compare import compare
 from feeder_sim.cli.drift_map import drift_map
@@ -90,7 +91,7 @@ def list_(
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     *(run, resume, check, replay, report, compare, export, modes, import_modes_command, response, sequence, wave, part),
-    *(drift_map, merge, new, list_, schema, app_command),
+    *(drift_map, calibrate, merge, new, list_, schema, app_command),
 )
 NAMES = {import_modes_command: "modes import", list_: "list"}  # those that are not of their functions
 for _command in COMMANDS:

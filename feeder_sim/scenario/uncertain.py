@@ -5,6 +5,7 @@ contact.restitution = { uniform = [0.2, 0.5], also = ["contact.part_restitution"
 contact.friction = { normal = [0.3, 0.05] }
 plate.rim = { choice = [true, false] }
 "drive[0].amplitude_um" = { log_uniform = [0.8, 1.2] }      # a key with brackets needs quotes
+contact.rolling_friction_um = { log_normal = [3.0, 0.5] }   # median, and standard deviation of the logarithm
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from feeder_sim.scenario.changes import full_key
 from feeder_sim.scenario.tables import Table
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+WIDEST = 10.0  # standard deviation of a logarithm
 REACH = 3.0  # standard deviations beyond which a normal distribution is cut off
 
 
@@ -44,6 +46,7 @@ class Uncertain(Table):
     uniform: tuple[Number, Number] | None = None
     log_uniform: tuple[Number, Number] | None = None
     normal: tuple[Number, Number] | None = None
+    log_normal: tuple[Number, Number] | None = None
     choice: Annotated[tuple[Any, ...], Field(min_length=2, max_length=1000)] | None = None
     also: tuple[str, ...] = ()
 
@@ -51,6 +54,9 @@ class Uncertain(Table):
         """The value below which a share of all lies [1]: draws are evenly spread shares."""
         if self.choice is not None:
             return self.choice[min(int(share * len(self.choice)), len(self.choice) - 1)]
+        if self.log_normal is not None:
+            median, deviation = self.log_normal
+            return median * math.exp(Uncertain(normal=(0.0, deviation)).at(share))
         if self.normal is not None:
             mean, deviation = self.normal
             below, above = 0.5 * math.erfc(REACH / math.sqrt(2.0)), 0.5 * math.erfc(-REACH / math.sqrt(2.0))
@@ -65,6 +71,9 @@ class Uncertain(Table):
         """The smallest and the largest value of what is no choice."""
         if self.normal is not None:
             return self.normal[0] - REACH * self.normal[1], self.normal[0] + REACH * self.normal[1]
+        if self.log_normal is not None:
+            factor = math.exp(REACH * self.log_normal[1])
+            return self.log_normal[0] / factor, self.log_normal[0] * factor
         span = self.uniform or self.log_uniform
         assert span is not None  # the table's own check
         return span
@@ -76,10 +85,13 @@ class Uncertain(Table):
 
     @model_validator(mode="after")
     def _one_distribution(self) -> Self:
-        kinds = ("uniform", "log_uniform", "normal", "choice")
+        kinds = ("uniform", "log_uniform", "normal", "log_normal", "choice")
         distributions = [kind for kind in kinds if getattr(self, kind) is not None]
         if len(distributions) != 1:
             raise ValueError(f"exactly one of {', '.join(kinds)} is needed, here are {len(distributions)}")
+        if self.log_normal is not None and not (self.log_normal[0] > 0.0 and 0.0 < self.log_normal[1] <= WIDEST):
+            problem = f"a median above 0 and a standard deviation of the logarithm above 0, up to {WIDEST:g}"
+            raise ValueError(f"log_normal is {list(self.log_normal)}, must be {problem}")
         if self.choice is None and not self.ends[0] < self.ends[1]:
             allowed = "a standard deviation above 0" if self.normal else "[low, high] with low < high"
             raise ValueError(f"{distributions[0]} is {list(getattr(self, distributions[0]))}, must be {allowed}")

@@ -15,6 +15,7 @@ from feeder_sim.measures.protocol import Measure
 from feeder_sim.pool.work import Work
 from feeder_sim.pool.workers import workers_of
 from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.calibration.calibrate import CalibrateQuestion
 from feeder_sim.studies.chart.chart import ChartQuestion
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.search.optimise import OptimiseQuestion
@@ -25,7 +26,14 @@ from feeder_sim.studies.uncertainty.uncertainty import UncertaintyQuestion
 
 # All questions of many runs, by the command that asks them, and which of them a folder holds.
 
-_ALL: tuple[type[Question], ...] = (SweepQuestion, UncertaintyQuestion, OptimiseQuestion, MapQuestion, ChartQuestion)
+_ALL: tuple[type[Question], ...] = (
+    SweepQuestion,
+    UncertaintyQuestion,
+    OptimiseQuestion,
+    MapQuestion,
+    ChartQuestion,
+    CalibrateQuestion,
+)
 KINDS = {kind.kind: kind for kind in _ALL}
 
 

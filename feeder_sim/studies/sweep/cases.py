@@ -198,7 +198,11 @@ class Cases:
         Raises:
             InputError: there is no such measure as the effort looks at.
         """
-        return runner.run(SweepTasks(self, runner.ledger.add))
+        return runner.run(self.tasks(runner.ledger))
+
+    def tasks(self, ledger: Ledger) -> SweepTasks:
+        """What is not done; the ledger keeps what comes."""
+        return SweepTasks(self, ledger.add)
 
     @cached_property
     def uncertain(self) -> bool:
