@@ -87,8 +87,9 @@ def _peer(record: dict[str, str], scene: Scene, own: Sequence[Row]) -> Row:
     if record["case"] in POINTS_OF:
         right, right_se = _right_value(scene, own)
         error = 100.0 * abs(value / right - 1.0)
+        if record["case"] != "bouncing_ball" and math.isnan(se):  # of one seed, which scatters as one of the reference
+            se = right_se * math.sqrt(reference(scene, own).n)
         error_se = 100.0 * math.hypot(0.0 if math.isnan(se) else se, right_se) / right
-        # Of a single seed the error is not known, but that of the method's other settings and seeds is.
     numbers = value, se, int(record["n"]), error, error_se, _number(record["cost"]), _number(record["wall_s"])
     method, _, suffix = record["method"].partition(", ")
     if f"{method}, {suffix}" in OTHERS:

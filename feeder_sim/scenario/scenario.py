@@ -36,7 +36,7 @@ from feeder_sim.scenario.schedule import Goal, Pick, Refill, Robot, Schedule, St
 from feeder_sim.scenario.shapes import PartSpec
 from feeder_sim.scenario.shown import html_of, line_of
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
-from feeder_sim.scenario.uncertain import Uncertain, by_full_key
+from feeder_sim.scenario.uncertain import Uncertain, with_draws
 
 # The files that a scenario reads: which they are, and the same scenario with other names for them.
 
@@ -122,7 +122,7 @@ class Scenario(Table):
     refill: Refill | None = None
     robot: Robot | None = None
     uncertain: (
-        Annotated[dict[str, Uncertain], Field(min_length=1, max_length=100), BeforeValidator(by_full_key)] | None
+        Annotated[dict[str, Uncertain], Field(min_length=1, max_length=100), BeforeValidator(with_draws)] | None
     ) = None
     run: Run
 
@@ -249,6 +249,8 @@ class Scenario(Table):
                 varied.add(name)
             for value in uncertain.extremes:
                 self._check_changed(dict.fromkeys(keys, value), key)
+        if len({len(u.joint) for u in (self.uncertain or {}).values() if u.joint}) > 1:
+            raise ValueError("uncertain has joint values of different numbers, must be as many of each")
         return self
 
     def _check_changed(self, changes: dict[str, Any], key: str) -> None:

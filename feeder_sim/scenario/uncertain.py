@@ -6,23 +6,65 @@ contact.friction = { normal = [0.3, 0.05] }
 plate.rim = { choice = [true, false] }
 "drive[0].amplitude_um" = { log_uniform = [0.8, 1.2] }      # a key with brackets needs quotes
 contact.rolling_friction_um = { log_normal = [3.0, 0.5] }   # median, and standard deviation of the logarithm
+draws = "posterior.csv"     # equally likely draws, a column per key; those of a row belong together (`joint`)
 """
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from statistics import NormalDist
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
+from feeder_sim.comma_separated import check_commas
+from feeder_sim.errors import InputError, quoted
 from feeder_sim.scenario.changes import full_key
-from feeder_sim.scenario.tables import Table
+from feeder_sim.scenario.tables import Table, read_text
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 WIDEST = 10.0  # standard deviation of a logarithm
+MOST_DRAWS = 10_000
 REACH = 3.0  # standard deviations beyond which a normal distribution is cut off
+
+
+def with_draws(value: Any, info: ValidationInfo) -> Any:
+    """The table with a column of the file `draws` under each of its keys; the file is beside that of the scenario."""
+    if not isinstance(value, Mapping) or not isinstance(value.get("draws"), str):
+        return by_full_key(value)
+    folder = Path((info.context or {}).get("folder", "."))
+    columns = read_draws(folder / value["draws"])
+    return {key: {"joint": draws} for key, draws in columns.items()} | by_full_key(
+        {key: entry for key, entry in value.items() if key != "draws"}
+    )
+
+
+def read_draws(path: Path) -> dict[str, list[float]]:
+    """Columns of a table of draws by key, as `feeder-sim calibrate` writes; those of a row belong together.
+
+    Raises:
+        InputError: it cannot be read, or a value is no number.
+    """
+    text = read_text(path)
+    check_commas(text, path)
+    rows = list(csv.reader(text.splitlines()))
+    if len(rows) < 3:
+        raise InputError(f"has {max(len(rows) - 1, 0)} draws, must have two and more below the line of keys", file=path)
+    columns: dict[str, list[float]] = {key: [] for key in rows[0]}
+    for number, row in enumerate(rows[1:], 2):
+        if len(row) != len(columns):
+            raise InputError(f"has {len(row)} values, must be {len(columns)}", file=path, key=f"line {number}")
+        for key, field in zip(columns, row, strict=True):
+            try:
+                columns[key].append(float(field))
+            except ValueError:
+                raise InputError(
+                    f"is {quoted(field)}, must be a number", file=path, key=f"line {number}, {key}"
+                ) from None
+    return columns
 
 
 def by_full_key(value: Any) -> Any:
@@ -48,10 +90,13 @@ class Uncertain(Table):
     normal: tuple[Number, Number] | None = None
     log_normal: tuple[Number, Number] | None = None
     choice: Annotated[tuple[Any, ...], Field(min_length=2, max_length=1000)] | None = None
+    joint: Annotated[tuple[Number, ...], Field(min_length=2, max_length=MOST_DRAWS)] | None = None
     also: tuple[str, ...] = ()
 
     def at(self, share: float) -> Any:
         """The value below which a share of all lies [1]: draws are evenly spread shares."""
+        if self.joint is not None:
+            return self.joint[min(int(share * len(self.joint)), len(self.joint) - 1)]
         if self.choice is not None:
             return self.choice[min(int(share * len(self.choice)), len(self.choice) - 1)]
         if self.log_normal is not None:
@@ -69,6 +114,8 @@ class Uncertain(Table):
     @property
     def ends(self) -> tuple[float, float]:
         """The smallest and the largest value of what is no choice."""
+        if self.joint is not None:
+            return min(self.joint), max(self.joint)
         if self.normal is not None:
             return self.normal[0] - REACH * self.normal[1], self.normal[0] + REACH * self.normal[1]
         if self.log_normal is not None:
@@ -85,14 +132,14 @@ class Uncertain(Table):
 
     @model_validator(mode="after")
     def _one_distribution(self) -> Self:
-        kinds = ("uniform", "log_uniform", "normal", "log_normal", "choice")
+        kinds = ("uniform", "log_uniform", "normal", "log_normal", "choice", "joint")
         distributions = [kind for kind in kinds if getattr(self, kind) is not None]
         if len(distributions) != 1:
             raise ValueError(f"exactly one of {', '.join(kinds)} is needed, here are {len(distributions)}")
         if self.log_normal is not None and not (self.log_normal[0] > 0.0 and 0.0 < self.log_normal[1] <= WIDEST):
             problem = f"a median above 0 and a standard deviation of the logarithm above 0, up to {WIDEST:g}"
             raise ValueError(f"log_normal is {list(self.log_normal)}, must be {problem}")
-        if self.choice is None and not self.ends[0] < self.ends[1]:
+        if self.choice is None and self.joint is None and not self.ends[0] < self.ends[1]:
             allowed = "a standard deviation above 0" if self.normal else "[low, high] with low < high"
             raise ValueError(f"{distributions[0]} is {list(getattr(self, distributions[0]))}, must be {allowed}")
         if self.log_uniform is not None and self.log_uniform[0] <= 0.0:

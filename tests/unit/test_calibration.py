@@ -13,10 +13,13 @@ from command_line import check_refused, feeder_sim
 from conftest import REPOSITORY, refusal
 from numpy.typing import NDArray
 
-from feeder_sim import calibrate, open_study
+from feeder_sim import calibrate, open_study, uncertainty
+from feeder_sim.run.run_folder import scenario_toml
+from feeder_sim.scenario import load_scenario, parse_scenario
 from feeder_sim.scenario.uncertain import Uncertain
 from feeder_sim.studies.calibration.emulator import Emulator
 from feeder_sim.studies.calibration.posterior import Observed, Posterior, interval
+from feeder_sim.studies.uncertainty.spread import draws_of
 
 SCENARIO = REPOSITORY / "scenarios/drift_8775hz.toml"
 MANY = 1_000_000  # measured runs: Student's t is a normal distribution
@@ -138,6 +141,59 @@ def test_the_command_tells_what_is_known_and_goes_on(tmp_path: Path) -> None:
     again = calibrate(file, out=folder)
     assert again.as_json() == {key: value for key, value in facts.items() if key != "folder"}
     assert open_study(folder).lines() == again.lines()
+
+
+UNCERTAIN = """
+[plate]
+kind = "strip"
+thickness_mm = 3.0
+[[drive]]
+frequency_hz = 8775.0
+amplitude_um = 1.0
+[[part]]
+shape = "hex_nut"
+size = "M2.5"
+[uncertain]
+draws = "posterior.csv"
+contact.part_restitution = { uniform = [0.1, 0.2] }
+[run]
+duration_s = 0.1
+"""
+
+
+def test_draws_of_a_posterior_are_uncertain_inputs_that_belong_together(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(UNCERTAIN, encoding="utf-8")
+    table = "contact.restitution,contact.friction\n" + "".join(f"{0.1 + k / 100},{0.6 - k / 100}\n" for k in range(40))
+    (tmp_path / "posterior.csv").write_text(table, encoding="utf-8")
+    scenario = load_scenario(file)
+    draws = draws_of(scenario, 64)
+    sums = {round(draw["contact.restitution"] + draw["contact.friction"], 9) for draw in draws}
+    assert sums == {0.7}
+    assert len({draw["contact.restitution"] for draw in draws}) > 30
+    free = [draw["contact.part_restitution"] for draw in draws]
+    assert abs(np.corrcoef(free, [draw["contact.friction"] for draw in draws])[0, 1]) < 0.3
+    assert parse_scenario(scenario_toml(scenario), file=tmp_path / "again.toml").uncertain == scenario.uncertain
+    study = uncertainty(scenario, inputs=4, seeds=1)
+    assert study.linear_shares(study.main()) is None
+    assert "independent inputs" in refusal(uncertainty, scenario, inputs=4, seeds=2, indices=True)
+
+
+@pytest.mark.parametrize(
+    ("table", "expected"),
+    [
+        ("contact.restitution\n0.2\n", "has 1 draws, must have two and more"),
+        ("contact.restitution\n0.2\nx\n", "line 3, contact.restitution"),
+        ("contact.restitution,contact.friction\n0.2,0.3\n0.2\n", "has 1 values, must be 2"),
+        ("contact.restitution;contact.friction\n0.2;0.3\n0.2;0.1\n", "semicolons"),
+        ("contact.restitution\n0.2\n1.5\n", "may be 1.5"),
+        ("contact.bounce\n0.2\n0.5\n", "contact.bounce"),
+    ],
+)
+def test_draws_that_cannot_be_are_refused(table: str, expected: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(UNCERTAIN, encoding="utf-8")
+    (tmp_path / "posterior.csv").write_text(table, encoding="utf-8")
+    check_refused(feeder_sim("check", tmp_path / "mine.toml"), expected)
 
 
 @pytest.mark.parametrize(

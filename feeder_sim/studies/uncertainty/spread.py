@@ -36,8 +36,11 @@ def draws_of(scenario: Scenario, count: int) -> list[Draw]:
     from scipy.stats import qmc
 
     exponent = int(np.ceil(np.log2(max(2, count))))
-    shares = qmc.Sobol(len(scenario.uncertain), rng=scenario.run.seed).random_base2(exponent)[:count]
-    return [draw_at(scenario, row) for row in shares]
+    joint = [uncertain.joint is not None for uncertain in scenario.uncertain.values()]
+    independent = joint.count(False)
+    shares = qmc.Sobol(independent + any(joint), rng=scenario.run.seed).random_base2(exponent)[:count]
+    columns = np.where(joint, independent, np.cumsum(np.logical_not(joint)) - 1)  # joint inputs have one share together
+    return [draw_at(scenario, row[columns]) for row in shares]
 
 
 def draw_at(scenario: Scenario, shares: Sequence[float] | NDArray[np.float64]) -> Draw:

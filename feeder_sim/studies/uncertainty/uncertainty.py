@@ -89,6 +89,8 @@ class UncertaintyQuestion(Question):
     def plan(self, scenario: Scenario, file: Path) -> CasesPlan:
         if not scenario.uncertain:
             raise InputError("is missing, must be a table with the inputs that are uncertain", key="[uncertain]")
+        if self.indices and any(uncertain.joint for uncertain in scenario.uncertain.values()):
+            raise InputError("are of independent inputs, must not be asked for with draws", argument="indices")
         if self.indices and self.inputs & (self.inputs - 1):
             raise InputError(f"is {self.inputs}, must be a power of two with indices", argument="inputs")
         if self.indices and self.seeds < SEEDS:
@@ -166,7 +168,9 @@ class Uncertainty(Study):
         return spread_of(self.values(measure))
 
     def linear_shares(self, measure: str) -> LinearShares | None:
-        """What a straight line in each input explains of a measure; None where that cannot be told."""
+        """What a straight line in each input explains of a measure; None where it cannot be told, or of joint ones."""
+        if any(uncertain.joint for uncertain in (self.scenario.uncertain or {}).values()):
+            return None
         group = len(self.scenario.uncertain or {}) + 2 if self.question.indices else 1
         return linear_shares(self.scenario, self.draws, self.values(measure), group)
 
