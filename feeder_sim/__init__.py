@@ -9,8 +9,8 @@ Build scenarios in code from `Scenario` and its tables in `feeder_sim.scenario`;
 `record_run` also writes a run folder, `open` gives its result again, and `document_of` a page of it. A result has
 findings, tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate` says what to keep of it: `AllFrames`,
 `EveryNth`, `ImpactsOnly`, `StatisticsOnly`. Questions about many runs are `sweep`, `uncertainty`, `optimise`,
-`speed_map`, `chart` and `compare`; `measure_drift` runs many drifts. A `Feeder` is run stage by stage,
-`FeederEnvironment` is one for Gymnasium (extra `gym`). Bad input is an `InputError`.
+`speed_map`, `chart`, `calibrate`, `budget` and `compare`; `measure_drift` runs many drifts. A `Feeder` is run stage by
+stage, `FeederEnvironment` is one for Gymnasium (extra `gym`). Bad input is an `InputError`.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from feeder_sim.api.calls import simulate as simulate
     from feeder_sim.api.opened import open as open
     from feeder_sim.api.result import Result as Result
+    from feeder_sim.api.studies import budget as budget
     from feeder_sim.api.studies import calibrate as calibrate
     from feeder_sim.api.studies import chart as chart
     from feeder_sim.api.studies import optimise as optimise
@@ -65,6 +66,7 @@ _PUBLIC = {
     "StatisticsOnly": "run.keep",
     "build_replay": "replay.replay",
     "build_scene": "scene.scene",
+    "budget": "api.studies",
     "calibrate": "api.studies",
     "chart": "api.studies",
     "compare": "api.calls",

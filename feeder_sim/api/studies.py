@@ -16,6 +16,7 @@ from feeder_sim.measures.protocol import Measure
 from feeder_sim.pool.work import Work
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.ask import ask, folder_of
+from feeder_sim.studies.budget import Budget, BudgetQuestion
 from feeder_sim.studies.calibration.calibrate import Calibration, calibration_of
 from feeder_sim.studies.chart.chart import Chart, ChartQuestion
 from feeder_sim.studies.question import Question
@@ -260,6 +261,45 @@ def chart(
     work = Work(workers, executor, stop=stop or threading.Event())
     question = ChartQuestion.of(measure=measure, method=methods, seeds=seeds, within=within, known=known)
     return cast("Chart", _study_of(question, scenario, work, out, progress))
+
+
+def budget(
+    scenario: Scenario,
+    *,
+    measure: str | None = None,
+    seeds: int = 32,
+    inputs: int = 32,
+    mujoco: bool = False,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    out: str | Path | None = None,
+    progress: Progress = None,
+    stop: threading.Event | None = None,
+) -> Budget:
+    """How far to trust a measure: numerics, seeds, inputs, and what the model leaves out.
+
+    In a script, call it below `if __name__ == "__main__":`, as everything that starts processes.
+
+    Args:
+        scenario: what is computed; its inputs that are `[uncertain]` are an entry.
+        measure: to look at; default: the usual one.
+        seeds: of every entry.
+        inputs: draws of the uncertain inputs.
+        mujoco: whether MuJoCo in place of impulses is an entry, too.
+        workers: processes; default: one per core.
+        executor: runs the tasks in place of processes of this machine, as that of a Dask client.
+        out: folder for the table and a journal, as of the command; with it the same call goes on after a break.
+        progress: True shows a bar on stderr; a function is called with the share that is done.
+        stop: set it to end; what is done is returned.
+
+    Raises:
+        InputError: an argument is not allowed, there is no such measure, or the folder holds something else.
+        RecordingFailed: the folder cannot be written.
+    """
+    check_scenario(scenario)
+    work = Work(workers, executor, stop=stop or threading.Event())
+    question = BudgetQuestion.of(measure=measure, seeds=seeds, inputs=inputs, mujoco=mujoco)
+    return cast("Budget", _study_of(question, scenario, work, out, progress))
 
 
 def calibrate(

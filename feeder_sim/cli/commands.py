@@ -24,6 +24,7 @@ STUDIES = {
     "uncertainty": "Run a scenario at many draws of its [uncertain] inputs; running the same again goes on.",
     "optimise": "Search for the recipe that makes a measure largest or smallest; running the same again goes on.",
     "chart": "Chart speed against accuracy of a measure: which setting to take; running the same again goes on.",
+    "budget": "How far to trust a measure: numerics, seeds, inputs, and what the model leaves out.",
     "map": "Map the transport speed of a part over drive frequency and amplitude; running the same again goes on.",
 }
 

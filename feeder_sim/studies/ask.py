@@ -15,6 +15,7 @@ from feeder_sim.measures.protocol import Measure
 from feeder_sim.pool.work import Work
 from feeder_sim.pool.workers import workers_of
 from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.budget import BudgetQuestion
 from feeder_sim.studies.calibration.calibrate import CalibrateQuestion
 from feeder_sim.studies.chart.chart import ChartQuestion
 from feeder_sim.studies.question import Question
@@ -33,6 +34,7 @@ _ALL: tuple[type[Question], ...] = (
     MapQuestion,
     ChartQuestion,
     CalibrateQuestion,
+    BudgetQuestion,
 )
 KINDS = {kind.kind: kind for kind in _ALL}
 
