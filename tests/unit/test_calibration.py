@@ -118,7 +118,7 @@ set = {{ "drive[0].amplitude_um" = 2.0 }}
 measure = "transport_speed_mm_s"
 sd = 0.3
 [prior]
-contact.restitution = {{ uniform = [0.1, 0.4] }}
+contact.restitution = {{ uniform = [0.1, 0.4], also = ["contact.part_restitution"] }}
 "drive[0].amplitude_um" = {{ log_normal = [1.0, 0.1], only = ["drift_8775hz"] }}
 """,
         encoding="utf-8",
@@ -136,8 +136,11 @@ def test_the_command_tells_what_is_known_and_goes_on(tmp_path: Path) -> None:
     assert facts["experiments"][0]["posterior_low"] < 4.3 and facts["experiments"][0]["posterior_high"] > 3.7
     assert facts["candidates"][0]["candidate"] == "faster"
     assert {path.name for path in folder.iterdir()} >= {"posterior.csv", "experiments.csv", "calibrate.png"}
-    draws = np.genfromtxt(folder / "posterior.csv", delimiter=",", names=True)
+    draws = np.genfromtxt(folder / "draws.csv", delimiter=",", names=True)
     assert len(draws) == 1000
+    columns, *lines = (folder / "posterior.csv").read_text(encoding="utf-8").splitlines()
+    assert columns == "contact.restitution,contact.part_restitution" and len(lines) == 1000
+    assert all(line.split(",")[0] == line.split(",")[1] for line in lines)
     again = calibrate(file, out=folder)
     assert again.as_json() == {key: value for key, value in facts.items() if key != "folder"}
     assert open_study(folder).lines() == again.lines()

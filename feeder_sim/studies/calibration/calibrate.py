@@ -3,7 +3,8 @@
 First a Sobol design over the priors, then as many points again where the posterior of the first ones is. The folder
 holds calibrate.toml with all scenarios in it, journals as that of a sweep, and
 
-    posterior.csv     equally likely draws of the constants, a column each
+    draws.csv         equally likely draws of the constants, a column each
+    posterior.csv     the same of those that belong to all experiments, with what is tied to them, for other scenarios
     experiments.csv   measured beside predicted, before and after
     points.csv        mean and standard deviation over the seeds at every point
     calibrate.png     prior and posterior of every constant, and pairs of them
@@ -49,7 +50,13 @@ from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Record, Study, csv_bytes
 from feeder_sim.studies.sweep.cases import Case, Cases, check_measure
 
-POSTERIOR, EXPERIMENTS, POINTS, PICTURE = "posterior.csv", "experiments.csv", "points.csv", "calibrate.png"
+DRAWS, POSTERIOR, EXPERIMENTS, POINTS, PICTURE = (
+    "draws.csv",
+    "posterior.csv",
+    "experiments.csv",
+    "points.csv",
+    "calibrate.png",
+)
 ROUNDS = 2  # over the priors, and where the first posterior is
 SEED = 0  # of the design
 QUANTILES = ("median", "low", "high")
@@ -371,9 +378,13 @@ class Calibration(Study):
         if not self.complete:
             return {}
         draws = [dict(zip(self.keys, row, strict=True)) for row in zip(*self.posterior.values(), strict=True)]
+        general = {key: prior for key, prior in self.question.prior.items() if not prior.only}
+        columns = {name: key for key, prior in general.items() for name in (key, *prior.also)}
+        of_any = [{name: draw[key] for name, key in columns.items()} for draw in draws]
         predicted = self.predicted()
         return {
-            POSTERIOR: csv_bytes(self.keys, draws),
+            DRAWS: csv_bytes(self.keys, draws),
+            **({POSTERIOR: csv_bytes(tuple(columns), of_any)} if columns else {}),
             EXPERIMENTS: csv_bytes(tuple(predicted[0]), predicted),
             POINTS: csv_bytes(("experiment", *self.keys, "mean", "sd", "n"), self._points()),
         }
