@@ -63,30 +63,30 @@ def question(points: int) -> CalibrateQuestion:
     return CalibrateQuestion(experiment=experiments, prior=PRIOR, points=points)
 
 
-def emulators(asked: CalibrateQuestion, work: Work) -> list[Observed]:
+def emulators(problem: CalibrateQuestion, work: Work) -> list[Observed]:
     """From the first round alone: a second one would be somewhere else for every set."""
-    plan = asked.plan(asked.experiment[0].scenario, Path("ranks"))
+    plan = problem.plan(problem.experiment[0].scenario, Path("ranks"))
     with workers_of(work) as workers:
         plan.rounds[0][1].run(Runner(workers, work, Ledger()))
-    return observed(asked, plan.rounds)
+    return observed(problem, plan.rounds)
 
 
-def measured(asked: CalibrateQuestion, of: Observed, place: int, shares: NDArray[np.float64], seed: int) -> Observed:
+def measured(problem: CalibrateQuestion, of: Observed, place: int, shares: NDArray[np.float64], seed: int) -> Observed:
     """Six runs of an experiment with the constants at shares of their priors."""
-    experiment = asked.experiment[place]
-    changes = asked.changes(experiment, shares) | {"run.seeds": RUNS, "run.seed": seed}
+    experiment = problem.experiment[place]
+    changes = problem.changes(experiment, shares) | {"run.seeds": RUNS, "run.seed": seed}
     result = simulate(experiment.scenario.changed(changes))
     speeds = Statistic.of(values_of_seed(result.prepared, each)[MEASURE] for each in result.seeds)
     return Observed(speeds.mean, speeds.sd, speeds.n, of.emulator, of.constants)
 
 
 def ranks(sets: int, points: int, work: Work) -> Ranks:
-    asked = question(points)
-    fitted, rng = emulators(asked, work), np.random.default_rng(1)
+    problem = question(points)
+    fitted, rng = emulators(problem, work), np.random.default_rng(1)
     shares = []
     for k in range(sets):
         truth = rng.random(len(PRIOR))
-        data = [measured(asked, of, i, truth, 1_000_000 + 2 * k + i) for i, of in enumerate(fitted)]
+        data = [measured(problem, of, i, truth, 1_000_000 + 2 * k + i) for i, of in enumerate(fitted)]
         posterior = Posterior.of(data, len(PRIOR), k)
         shares.append((posterior.shares < truth).mean(axis=0))
     return Ranks(np.array(shares))

@@ -485,10 +485,10 @@ def drift_map_rows(quick: bool) -> Iterator[Row]:
         ("transport", "transport_strip"),
     ):
         compare, number = (compare_transport, seeds // 2) if name == "transport" else (compare_passage, seeds)
-        found = compare(drift_map, load_scenario(SCENARIOS / f"{file}.toml"), number)
-        error, walked = (abs(found.error_percent), found.error_se_percent), found.walked
-        numbers = walked.mean, math.hypot(walked.se, found.map_se), walked.n, *error, 1.0 / found.speed_up
-        yield Row(name, "drift map", "", *numbers, found.walked_cpu_s)
+        agreement = compare(drift_map, load_scenario(SCENARIOS / f"{file}.toml"), number)
+        error, walked = (abs(agreement.error_percent), agreement.error_se_percent), agreement.walked
+        numbers = walked.mean, math.hypot(walked.se, agreement.map_se), walked.n, *error, 1.0 / agreement.speed_up
+        yield Row(name, "drift map", "", *numbers, agreement.walked_cpu_s)
 
 
 def engine_values() -> dict[str, float]:

@@ -56,7 +56,7 @@ def test_few_runs_are_worth_less_than_many() -> None:
     assert few.left[0] > 1.3 * known.left[0]
 
 
-def test_a_sum_alone_leaves_a_ridge_which_is_told() -> None:
+def test_a_sum_alone_leaves_a_ridge() -> None:
     """Of x + y nothing is known about x - y, but that both are shares."""
     posterior, names = Posterior.of([line(1.0, 0.02, 1.0, 1.0)], 2, 0), ("restitution", "friction")
     left, directions = posterior.directions
@@ -221,7 +221,7 @@ def test_what_is_wrong_is_one_line(changed: tuple[str, str], expected: str, tmp_
     check_refused(feeder_sim("calibrate", file, "--out", tmp_path / "out"), expected)
 
 
-def test_a_measurement_beyond_the_priors_is_told(tmp_path: Path) -> None:
+def test_a_measurement_beyond_the_priors_is_a_failure(tmp_path: Path) -> None:
     pytest.importorskip("sklearn")
     file = experiments(tmp_path / "mine.toml")
     file.write_text(file.read_text(encoding="utf-8").replace("mean = 4.0", "mean = 40.0"), encoding="utf-8")

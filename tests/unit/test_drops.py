@@ -84,7 +84,7 @@ def test_standard_error_of_shares() -> None:
     assert study.other == 10
 
 
-def test_the_way_out_of_a_pose_is_over_the_nearest_edge() -> None:
+def test_the_barrier_of_a_pose_is_the_nearest_edge() -> None:
     """A box on a face rolls over the edge that is nearest to the foot of its centre: half a diagonal of a side."""
     sides = np.array([3e-3, 4e-3, 6e-3])
     part = box(*sides)
