@@ -6,11 +6,12 @@
     result.plot.drift()
 
 Build scenarios in code from `Scenario` and its tables in `feeder_sim.scenario`; `scenario.changed` changes one.
-`record_run` also writes a run folder, `open` gives its result again, and `document_of` a page of it. A result has
-findings, tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate` says what to keep of it: `AllFrames`,
-`EveryNth`, `ImpactsOnly`, `StatisticsOnly`. Questions about many runs are `sweep`, `uncertainty`, `optimise`,
-`speed_map`, `chart`, `calibrate`, `budget` and `compare`; `measure_drift` runs many drifts. A `Feeder` is run stage by
-stage, `FeederEnvironment` is one for Gymnasium (extra `gym`). Bad input is an `InputError`.
+`record_run` also writes a run folder, `record_tracks` one of what a camera has seen; `open` gives its result again, and
+`document_of` a page of it. A result has findings, tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate`
+says what to keep of it: `AllFrames`, `EveryNth`, `ImpactsOnly`, `StatisticsOnly`. Questions about many runs are
+`sweep`, `uncertainty`, `optimise`, `speed_map`, `chart`, `calibrate`, `budget` and `compare`; `measure_drift` runs many
+drifts. A `Feeder` is run stage by stage, `FeederEnvironment` is one for Gymnasium (extra `gym`). Bad input is an
+`InputError`.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from feeder_sim.api.calls import compare as compare
     from feeder_sim.api.calls import measure_drift as measure_drift
     from feeder_sim.api.calls import record_run as record_run
+    from feeder_sim.api.calls import record_tracks as record_tracks
     from feeder_sim.api.calls import simulate as simulate
     from feeder_sim.api.opened import open as open
     from feeder_sim.api.result import Result as Result
@@ -79,6 +81,7 @@ _PUBLIC = {
     "prepare": "run.prepare",
     "read_recording": "records.trajectory_file",
     "record_run": "api.calls",
+    "record_tracks": "api.calls",
     "simulate": "api.calls",
     "speed_map": "api.studies",
     "sweep": "api.studies",

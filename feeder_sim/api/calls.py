@@ -15,10 +15,12 @@ from feeder_sim.errors import path_of_user
 from feeder_sim.measures.function import Function, as_measures
 from feeder_sim.measures.protocol import Measure
 from feeder_sim.pool.work import STALL_AFTER_S, Work
+from feeder_sim.records.tracks import Camera
 from feeder_sim.run import run_folder, simulation
 from feeder_sim.run.batch import measure_drift as measure_drift
 from feeder_sim.run.keep import AllFrames, Retention
 from feeder_sim.run.prepare import prepare
+from feeder_sim.run.tracked import tracked
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.studies.compare import Comparison, measured_run
@@ -124,3 +126,35 @@ def record_run(
     given = Work(workers, executor, stop=stop or threading.Event(), stall_after=stall_after)
     with displayed(given, progress, scenario.title) as work:
         return Result.of(run_folder.record_run(scenario, path, replay=replay, record=record, work=work))
+
+
+def record_tracks(
+    scenario: Scenario,
+    file: str | Path,
+    folder: str | Path,
+    *,
+    fps: float | None = None,
+    mm_per_pixel: float | None = None,
+    origin_px: tuple[float, float] = (0.0, 0.0),
+    longest_gap_s: float = 0.0,
+) -> Result:
+    """Record what a camera has seen of the parts of a scenario as a run, for `compare`, `document_of` and `open`.
+
+    Args:
+        scenario: of one part, which every track is a run of, or of as many parts as there are tracks. Without a
+            schedule time begins with each track, or with the first one of several parts; with one it is its time.
+        file: table of time, part, x, y and perhaps an angle; see feeder_sim.records.tracks for its columns.
+        folder: made if missing; it must be empty.
+        fps: frames per second, where the table has frames in place of times.
+        mm_per_pixel: where places are pixels, whose y points down.
+        origin_px: pixel over the middle of the plate.
+        longest_gap_s: for which a part may be missing; straight lines fill such gaps.
+
+    Raises:
+        InputError: the scenario or the table cannot be used, or tracks cannot be those of such parts.
+        RecordingFailed: a file cannot be written, as when the disk is full.
+    """
+    check_scenario(scenario)
+    camera = Camera(fps, mm_per_pixel, origin_px, longest_gap_s)
+    prepared, seeds = tracked(scenario, path_of_user(file, "file"), camera)
+    return Result.of(run_folder.record_ended(prepared, path_of_user(folder, "folder"), seeds, replay=False))

@@ -32,6 +32,7 @@ from feeder_sim.cli.response import response
 from feeder_sim.cli.run import check, resume, run
 from feeder_sim.cli.schema import schema
 from feeder_sim.cli.study import merge
+from feeder_sim.cli.tracks import tracks
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
@@ -91,7 +92,7 @@ def list_(
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     *(run, resume, check, replay, report, compare, export, modes, import_modes_command, response, sequence, wave, part),
-    *(drift_map, calibrate, merge, new, list_, schema, app_command),
+    *(tracks, drift_map, calibrate, merge, new, list_, schema, app_command),
 )
 NAMES = {import_modes_command: "modes import", list_: "list"}  # those that are not of their functions
 for _command in COMMANDS:

@@ -181,9 +181,10 @@ def print_result(result: Result, folder: Path, as_json: bool) -> None:
         lines.append(labelled("late contacts", f"{summary['late_contacts']}, found by going back"))
     if summary["budgets_spent"]:
         lines.append(labelled("budgets spent", f"{summary['budgets_spent']}, times without any bounce"))
-    factor = summary["real_time_factor"] or 0.0
-    cost = f"{summary['simulated_s']:.1f} s in {summary['wall_s']:.1f} s ({factor:.2f} x real time)"
-    lines += [labelled("simulated", cost), labelled("recorded in", str(folder))]
+    factor, span = summary["real_time_factor"] or 0.0, f"{summary['simulated_s']:.1f} s"
+    cost = f"{span} in {summary['wall_s']:.1f} s ({factor:.2f} x real time)"
+    lines.append(labelled("seen", span) if result.prepared.is_tracked else labelled("simulated", cost))
+    lines.append(labelled("recorded in", str(folder)))
     print(shortened(printable(summary["title"] or folder.name), LONGEST_TEXT))
     for line in lines:
         print(f"  {shortened(escaped(line), LONGEST_TEXT)}")

@@ -28,6 +28,7 @@ from feeder_sim.notebook import block, counted, line
 from feeder_sim.records.seed import Cause, Status, parts_removed
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.open_run import OpenRun
+from feeder_sim.run.prepare import prepare
 from feeder_sim.run.run_folder import check_free, record_ended
 from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import Pick, Scenario, Stage
@@ -245,7 +246,7 @@ class Feeder:
         self._closed = True
         if not self._began:
             raise InputError("nothing to record, must be a feeder that has run a stage", key="record")
-        return record_ended(self._resolved(), self._folder, self._run.ended(), replay=self._replay)
+        return record_ended(prepare(self._resolved()), self._folder, [self._run.ended()], replay=self._replay)
 
     def __enter__(self) -> Self:
         return self

@@ -20,6 +20,7 @@ from feeder_sim.measures.protocol import Measure, as_json
 from feeder_sim.measures.rate import Rate, RateFindings
 from feeder_sim.measures.refills import RefillFindings, Refills
 from feeder_sim.measures.separation import Separation, SeparationFindings
+from feeder_sim.measures.wander import Wander, WanderFindings
 from feeder_sim.records.seed import Seed
 from feeder_sim.scene.prepared import Prepared
 
@@ -65,6 +66,7 @@ def _numbers(value: Any, name: str) -> Iterator[tuple[str, float]]:
 MEASURES: tuple[Measure[Any, Any], ...] = (
     Conveying(),
     Drift(),
+    Wander(),
     Bounces(),
     Separation(),
     Poses(),
@@ -108,6 +110,11 @@ class Measured(ABC):
     def drift(self) -> DriftFindings:
         """Transport speed, drift velocity and highest rise; not with a schedule."""
         return self._findings_of(Drift)
+
+    @property
+    def wander(self) -> WanderFindings:
+        """How far places and headings scatter within half a second; not with a schedule."""
+        return self._findings_of(Wander)
 
     @property
     def conveying(self) -> ConveyingFindings:

@@ -77,11 +77,12 @@ class Drift(Measure[DriftFindings, SeedDrift]):
         return prepared.scenario.schedule is None
 
     def reader(self, prepared: Prepared) -> Callable[[Seed], SeedDrift]:
-        cell, surface = prepared.cell, prepared.scene.surface
+        cell, surface, has_heights = prepared.cell, prepared.scene.surface, not prepared.is_tracked
 
         def read(seed: Seed) -> SeedDrift:
             speed = transport_speed(seed.frames, cell) if cell else math.nan
-            return SeedDrift(speed, drift_velocity(seed.frames), highest_rise(seed.frames, surface))
+            rise = highest_rise(seed.frames, surface) if has_heights else math.nan
+            return SeedDrift(speed, drift_velocity(seed.frames), rise)
 
         return read
 
@@ -108,7 +109,8 @@ class Drift(Measure[DriftFindings, SeedDrift]):
         x, y = findings.drift_velocity_x_mm_s, findings.drift_velocity_y_mm_s
         if x.n and not any(prepared.scene.guides):
             lines.append(labelled("mean drift", f"x {x.mean:.3f}, y {y.mean:.3f} mm/s"))
-            lines.append(labelled("highest rise", f"{findings.highest_rise_mm.mean:.3f} mm"))
+            if findings.highest_rise_mm.n:
+                lines.append(labelled("highest rise", f"{findings.highest_rise_mm.mean:.3f} mm"))
         return lines
 
 

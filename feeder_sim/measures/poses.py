@@ -72,7 +72,8 @@ class Poses(Measure[PoseFindings, "SeedPoses"]):
     def applies(self, prepared: Prepared) -> bool:
         scene = prepared.scene
         many = prepared.scenario.schedule is not None or len(scene.parts) > 1
-        return many and not prepared.scenario.run.planar and any(table.poses for table in scene.poses)
+        flat = prepared.scenario.run.planar or prepared.is_tracked
+        return many and not flat and any(table.poses for table in scene.poses)
 
     def reader(self, prepared: Prepared) -> Callable[[Seed], SeedPoses]:
         scene = prepared.scene

@@ -159,18 +159,26 @@ def _provenance(run: RecordedRun, summary: dict[str, object]) -> tuple[Block, ..
     rows = [
         ("seeds", ", ".join(status)),
         ("engine", f"{recording.engine}: {prepared.engine.reason}"),
-        ("time step", f"{number(1e6 * prepared.scene.timestep)} us"),
+        *(() if run.is_tracked else (("time step", f"{number(1e6 * prepared.scene.timestep)} us"),)),
         ("cost", f"{cost}, {number(float(factor), 3)} x real time" if isinstance(factor, float) else cost),
         ("last written", written.isoformat(" ", "seconds")),
         ("folder", str(run.folder)),
     ]
     versions = [(name, version) for name, version in recording.libraries.items()]
     hashes = [("scenario", scenario_hash), *recording.inputs.items()]
+    if run.is_tracked:
+        how: tuple[Block, ...] = (
+            Text("The parts were seen by a camera from above: of heights and poses nothing is known."),
+        )
+    else:
+        how = (
+            Text("This runs the same scenario again, to the same bits with the same versions on the same machine:"),
+            Text(_command(run), "code"),
+            *((Text("This goes on with it:"), Text(_resume(run), "code")) if run.result.interrupted else ()),
+            Text("Without the folder, save the text of the scenario above as scenario.toml, beside its files."),
+        )
     return (
-        Text("This runs the same scenario again, to the same bits with the same versions on the same machine:"),
-        Text(_command(run), "code"),
-        *((Text("This goes on with it:"), Text(_resume(run), "code")) if run.result.interrupted else ()),
-        Text("Without the folder, save the text of the scenario above as scenario.toml, beside the files it names."),
+        *how,
         Table("The run", ("what", "value"), tuple(rows)),
         Table("Versions", ("library", "version"), tuple(versions)),
         Table("Inputs (SHA-256)", ("input", "hash"), tuple(hashes)),

@@ -5,7 +5,7 @@ Measures are computed again from what is recorded; a run that was killed has no 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import changed_inputs, library_versions
 from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import Scenario, parse_scenario
+from feeder_sim.scenario.engine_choice import TRACKED
 from feeder_sim.scene.prepared import Prepared
 
 RESOLVED = "scenario.toml"  # its name in a run folder
@@ -88,7 +89,13 @@ class RecordedRun:
         Raises:
             InputError: a file that it reads is missing, or it cannot be built.
         """
-        return prepare(self.scenario)
+        prepared = prepare(self.scenario)
+        return replace(prepared, engine=TRACKED) if self.is_tracked else prepared
+
+    @property
+    def is_tracked(self) -> bool:
+        """Whether a camera has seen it, and nothing was computed."""
+        return self.recording.engine == TRACKED.name
 
     @cached_property
     def result(self) -> Result:

@@ -145,17 +145,18 @@ def record_run(
 
 
 @single_threaded
-def record_ended(scenario: Scenario, folder: Path, ended: Seed, *, replay: bool = True) -> Result:
-    """Write a run folder of one seed that has ended, which nothing is simulated for; errors as for `record_run`.
+def record_ended(prepared: Prepared, folder: Path, ended: Sequence[Seed], *, replay: bool = True) -> Result:
+    """Write a run folder of seeds that have ended, which nothing is simulated for; errors as for `record_run`.
 
     Args:
-        scenario: what was run, with one seed.
+        prepared: what was run, with so many seeds.
         folder: as for `record_run`.
-        ended: what there is of it.
+        ended: what there is of them.
         replay: as for `record_run`.
     """
     check_free(folder)
-    return _begin_folder(folder, prepare(scenario), {0: ended}, replay=replay, record=AllFrames(), work=Work())
+    seeds = dict(enumerate(ended))
+    return _begin_folder(folder, prepared, seeds, replay=replay, record=AllFrames(), work=Work())
 
 
 def _begin_folder(
@@ -226,6 +227,8 @@ def resume_run(
             _write_scene(folder, prepared, work)
             return _run_into(folder, prepared, {}, replay=replay, record=record, work=work)
         run = RecordedRun.open(folder)
+        if run.is_tracked:
+            raise InputError("was seen by a camera, there is nothing to resume", file=folder)
         scenario = _with_seeds(run.scenario, seeds)
         more = scenario.run.seeds > run.scenario.run.seeds
         if not more and Status.UNFINISHED not in run.recording.status and (folder / SUMMARY).exists():

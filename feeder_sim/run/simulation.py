@@ -171,7 +171,7 @@ def simulate(
     run, keeper = prepared.scenario.run, Keeper(prepared, record)
     work = work or Work()
     with compilation_announced(prepared.engine.method, work.notify):  # before the threads need it
-        if not work.executor:
+        if not work.executor and len(ended or {}) < run.seeds:
             compile_engine(prepared)
     started = time.perf_counter()
     completed = {index: keeper(seed) for index, seed in (ended or {}).items()}

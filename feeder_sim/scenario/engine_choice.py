@@ -27,6 +27,9 @@ class Choice(NamedTuple):
     reason: str
 
 
+TRACKED = Choice("tracks", "tracks", "seen by a camera, not computed")
+
+
 def choose_engine(scenario: Scenario) -> Choice:
     """The engine of a checked scenario: the one it asks for, else the fastest that can compute it."""
     guide = scenario.guide

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from feeder_sim.notebook import block, counted
 from feeder_sim.scenario import Scenario
-from feeder_sim.scenario.engine_choice import Choice
+from feeder_sim.scenario.engine_choice import TRACKED, Choice
 from feeder_sim.scene.cell import Cell
 from feeder_sim.scene.scene import Scene
 
@@ -40,6 +40,11 @@ class Prepared:
 
     def _repr_html_(self) -> str:
         return block(repr(self)[1:-1], [self.engine.reason, *(f"warning: {warning}" for warning in self.warnings)])
+
+    @property
+    def is_tracked(self) -> bool:
+        """Whether its seeds were seen from above by a camera: x, y and the turn about z of parts, nothing else."""
+        return self.engine == TRACKED
 
     @property
     def scenario(self) -> Scenario:

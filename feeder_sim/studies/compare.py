@@ -25,6 +25,7 @@ from feeder_sim.records.recording import Recording
 from feeder_sim.records.seed import Status
 from feeder_sim.run.recorded_run import RecordedRun
 from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.engine_choice import TRACKED
 from feeder_sim.studies.study import Answer, Record
 
 
@@ -118,8 +119,9 @@ class Comparison(Answer):
 
     @property
     def paired(self) -> bool:
-        """Whether the runs have the same seeds."""
-        return self.first.seeds == self.second.seeds
+        """Whether the runs have the same seeds; those of a camera are nobody's."""
+        is_tracked = TRACKED.name in (self.first.recording.engine, self.second.recording.engine)
+        return self.first.seeds == self.second.seeds and not is_tracked
 
     @cached_property
     def differences(self) -> list[Difference]:

@@ -14,11 +14,12 @@ from conftest import REPOSITORY, refusal
 from numpy.typing import NDArray
 
 from feeder_sim import calibrate, open_study, uncertainty
+from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.run_folder import scenario_toml
 from feeder_sim.scenario import load_scenario, parse_scenario
 from feeder_sim.scenario.uncertain import Uncertain
 from feeder_sim.studies.calibration.emulator import Emulator
-from feeder_sim.studies.calibration.posterior import Observed, Posterior, interval
+from feeder_sim.studies.calibration.posterior import Observed, Posterior, interval, within_correlation
 from feeder_sim.studies.uncertainty.spread import draws_of
 
 SCENARIO = REPOSITORY / "scenarios/drift_8775hz.toml"
@@ -36,8 +37,13 @@ class Line:
 
 
 def line(mean: float, sd: float, *slopes: float) -> Observed:
+    return runs_of(mean, sd * math.sqrt(MANY), MANY, *slopes)
+
+
+def runs_of(mean: float, sd: float, n: int, *slopes: float) -> Observed:
     emulator: Any = Line(*slopes)
-    return Observed(mean, sd * math.sqrt(MANY), MANY, emulator, tuple(range(len(slopes))))
+    measured = {"measure": Statistic(mean, sd, sd / math.sqrt(n), n)}
+    return Observed(measured, (emulator,), np.eye(1), tuple(range(len(slopes))))
 
 
 def test_of_one_constant_the_posterior_is_a_normal_distribution() -> None:
@@ -50,8 +56,7 @@ def test_of_one_constant_the_posterior_is_a_normal_distribution() -> None:
 
 def test_few_runs_are_worth_less_than_many() -> None:
     """Of three runs the standard deviation is hardly known: Student's t has longer tails."""
-    emulator: Any = Line(2.0)
-    few = Posterior.of([Observed(1.0, 0.1, 3, emulator, (0,))], 1, 0)
+    few = Posterior.of([runs_of(1.0, 0.1, 3, 2.0)], 1, 0)
     known = Posterior.of([line(1.0, 0.1 / math.sqrt(3.0), 2.0)], 1, 0)
     assert few.left[0] > 1.3 * known.left[0]
 
@@ -73,6 +78,24 @@ def test_a_sum_alone_leaves_a_ridge() -> None:
 def test_what_no_prior_gives_is_known_to_be_far() -> None:
     posterior = Posterior.of([line(3.0, 0.1, 2.0)], 1, 0)
     assert posterior.nearest[0] == pytest.approx(10.0, rel=0.01)
+
+
+def test_measures_of_the_same_runs_are_not_independent() -> None:
+    """Two that always agree are worth one; two that are independent make the interval smaller by the root of two."""
+    alone = line(1.0, 0.1, 2.0)
+    widths = []
+    for correlation in (0.0, 1.0 - 1e-6):
+        both = Observed(
+            dict.fromkeys(("a", "b"), alone.measured["measure"]),
+            alone.emulators * 2,
+            np.array([[1.0, correlation], [correlation, 1.0]]),
+            (0,),
+        )
+        widths.append(Posterior.of([both], 1, 0).left[0])
+    assert widths[1] == pytest.approx(Posterior.of([alone], 1, 0).left[0], rel=0.05)
+    assert widths[0] == pytest.approx(widths[1] / math.sqrt(2.0), rel=0.05)
+    runs = np.random.default_rng(0).normal(size=(40, 1)) @ np.array([[1.0, -2.0]])
+    assert within_correlation([runs, runs + 5.0]) == pytest.approx(np.array([[1.0, -1.0], [-1.0, 1.0]]), abs=1e-5)
 
 
 def test_an_emulator_goes_through_its_points_as_far_as_seeds_tell() -> None:

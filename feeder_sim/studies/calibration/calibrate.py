@@ -45,7 +45,7 @@ from feeder_sim.studies.calibration.experiments import (
     Prior,
     read_experiments,
 )
-from feeder_sim.studies.calibration.posterior import FAR, FEW, Observed, Posterior, interval
+from feeder_sim.studies.calibration.posterior import FAR, FEW, Observed, Posterior, interval, within_correlation
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Record, Study, csv_bytes
 from feeder_sim.studies.sweep.cases import Case, Cases, check_measure
@@ -81,11 +81,11 @@ class CalibrateQuestion(Question):
         return json.dumps(self.model_dump(mode="json", exclude={"seeds"}), sort_keys=True)
 
     @property
-    def all(self) -> tuple[Candidate, ...]:
+    def all(self) -> tuple[Experiment | Candidate, ...]:
         """Experiments and candidates: all of them are run."""
         return (*self.experiment, *self.candidate)
 
-    def constants_of(self, experiment: Candidate) -> tuple[int, ...]:
+    def constants_of(self, experiment: Experiment | Candidate) -> tuple[int, ...]:
         """Places of the constants that an experiment takes."""
         return tuple(
             k for k, prior in enumerate(self.prior.values()) if not prior.only or experiment.name in prior.only
@@ -95,7 +95,7 @@ class CalibrateQuestion(Question):
         """The constants at shares of their priors (constants,)."""
         return {key: prior.at(float(share)) for (key, prior), share in zip(self.prior.items(), shares, strict=True)}
 
-    def changes(self, experiment: Candidate, shares: NDArray[np.float64]) -> dict[str, Any]:
+    def changes(self, experiment: Experiment | Candidate, shares: NDArray[np.float64]) -> dict[str, Any]:
         """What of a scenario changes at a point."""
         places, draw = self.constants_of(experiment), self.draw(shares)
         changes: dict[str, Any] = {}
@@ -166,7 +166,7 @@ class CalibrationPlan:
         made.take(self._ledger, recorded=self._recorded)
         self.rounds.append((shares, made))
 
-    def _case(self, experiment: Candidate, shares: NDArray[np.float64]) -> Case:
+    def _case(self, experiment: Experiment | Candidate, shares: NDArray[np.float64]) -> Case:
         changes = self.question.changes(experiment, shares)
         return Case(functools.partial(experiment.scenario.changed, changes), {"experiment": experiment.name} | changes)
 
@@ -218,23 +218,27 @@ def observed(question: CalibrateQuestion, rounds: Sequence[tuple[NDArray[np.floa
     Raises:
         InputError: there is no such measure, or too few points have a value of it.
     """
-    emulated = []
-    for k, each in enumerate(question.all):
-        values, rows = [], []
-        for shares, cases in rounds:
-            for row, case in zip(shares, (cases_of[k] for cases_of in cases.cases), strict=True):
-                seeds = case.seeds(cases.effort)
-                for seed in seeds:
-                    check_measure(each.measure, seed.values, f"{each.name}.measure")
-                if seeds:
-                    rows.append(row)
-                    values.append([seed.values.get(each.measure, math.nan) for seed in seeds])
-        constants = question.constants_of(each)
-        points = np.array(rows).reshape(-1, len(question.prior))[:, constants]
-        emulator = Emulator.of(points, values, f"{each.name}: {each.measure}")
-        mean = each.mean if isinstance(each, Experiment) else math.nan
-        emulated.append(Observed(mean, each.sd, each.n, emulator, constants))
-    return emulated
+    return [_observed(question, k, rounds) for k in range(len(question.all))]
+
+
+def _observed(question: CalibrateQuestion, place: int, rounds: Sequence[tuple[NDArray[np.float64], Cases]]) -> Observed:
+    experiment = question.all[place]
+    measured, constants = experiment.statistics, question.constants_of(experiment)
+    points, values = [], []
+    for shares, cases in rounds:
+        for row, cases_of in zip(shares, cases.cases, strict=True):
+            seeds = cases_of[place].seeds(cases.effort)
+            for measure in measured if seeds else ():
+                check_measure(measure, seeds[0].values, f"{experiment.name}.measure")
+            if seeds:
+                points.append(row)
+                values.append(np.array([[s.values.get(each, math.nan) for each in measured] for s in seeds]))
+    shares_of = np.array(points).reshape(-1, len(question.prior))[:, constants]
+    emulators = tuple(
+        Emulator.of(shares_of, [seeds[:, j].tolist() for seeds in values], f"{experiment.name}: {measure}")
+        for j, measure in enumerate(measured)
+    )
+    return Observed(measured, emulators, within_correlation(values), constants)
 
 
 @dataclass(frozen=True, repr=False)
@@ -285,8 +289,9 @@ class Calibration(Study):
         reasons = [reason for _, cases in self.rounds for reason in cases.failures]
         for each, nearest in zip(self.question.experiment, self._distribution.nearest, strict=True):
             if nearest > FAR:
-                value = f"{each.name}: {each.measure} was measured to be {each.mean:g}"
-                reasons.append(f"{value}; the nearest that the priors give is {nearest:.1f} standard errors away")
+                values = ", ".join(f"{measure} {value.mean:.4g}" for measure, value in each.statistics.items())
+                away = f"the nearest that the priors give is {nearest:.1f} standard errors away"
+                reasons.append(f"{each.name}: measured {values}; {away}")
         if self._distribution.effective < FEW:
             rests = f"the posterior rests on {self._distribution.effective:.0f} draws of the priors, too few"
             reasons.append(f"{rests}: narrower priors around it tell more")
@@ -301,11 +306,13 @@ class Calibration(Study):
         prior = Posterior.of([], len(self.keys), SEED)
         rows: list[Record] = []
         for each, of in zip(self.question.experiment, self._observed, strict=False):
-            row: dict[str, Any] = {"experiment": each.name, "measure": each.measure, "mean": each.mean}
-            row["se"] = each.sd / math.sqrt(each.n)
-            for name, shares in (("prior", prior.shares), ("posterior", self._distribution.shares)):
-                row |= {f"{name}_{key}": value for key, value in interval(of.prediction(shares)[0]).items()}
-            rows.append(row)
+            before, after = (of.prediction(shares)[0] for shares in (prior.shares, self._distribution.shares))
+            for j, (measure, measured) in enumerate(each.statistics.items()):
+                row = {"experiment": each.name, "measure": measure, "mean": measured.mean}
+                row["se"] = float(of.standard_error[j])
+                for name, means in (("prior", before), ("posterior", after)):
+                    row |= {f"{name}_{key}": value for key, value in interval(means[:, j]).items()}
+                rows.append(row)
         return rows
 
     def recommendations(self) -> list[Record]:
@@ -359,12 +366,14 @@ class Calibration(Study):
         checks = [
             (
                 str(row["experiment"]),
+                str(row["measure"]),
                 f"{row['mean']:.4g} +- {row['se']:.2g}",
                 *(f"{row[f'{of}_low']:.4g} to {row[f'{of}_high']:.4g}" for of in ("prior", "posterior")),
             )
             for row in self.predicted()
         ]
-        lines += Table("", ("experiment", "measured", "prior", "posterior"), tuple(checks), numbers_from=1).lines()
+        head = ("experiment", "measure", "measured", "prior", "posterior")
+        lines += Table("", head, tuple(checks), numbers_from=2).lines()
         for row in self.recommendations():
             left = ", ".join(f"{key} {row[key]:.0%}" for key in self.keys)
             lines.append(f"{row['candidate']} would leave of these: {left}")
@@ -386,16 +395,17 @@ class Calibration(Study):
             DRAWS: csv_bytes(self.keys, draws),
             **({POSTERIOR: csv_bytes(tuple(columns), of_any)} if columns else {}),
             EXPERIMENTS: csv_bytes(tuple(predicted[0]), predicted),
-            POINTS: csv_bytes(("experiment", *self.keys, "mean", "sd", "n"), self._points()),
+            POINTS: csv_bytes(("experiment", "measure", *self.keys, "mean", "sd", "n"), self._points()),
         }
 
     def _points(self) -> Iterator[Mapping[str, Any]]:
         for _, cases in self.rounds:
             for point, row in zip(cases.points, cases.cases, strict=True):
                 for each, case in zip(self.question.all, row, strict=True):
-                    values = Statistic.of(seed.values.get(each.measure, math.nan) for seed in case.seeds(cases.effort))
-                    numbers = {"mean": finite_or_none(values.mean), "sd": finite_or_none(values.sd), "n": values.n}
-                    yield {"experiment": each.name} | point | numbers
+                    for measure in each.statistics:
+                        values = Statistic.of(seed.values.get(measure, math.nan) for seed in case.seeds(cases.effort))
+                        numbers = {"mean": finite_or_none(values.mean), "sd": finite_or_none(values.sd), "n": values.n}
+                        yield {"experiment": each.name, "measure": measure} | point | numbers
 
     def figures(self, measure: str) -> list[Figure]:
         if not self.complete:

@@ -43,7 +43,7 @@ class Emulator:
         """Fitted to the values of the seeds at points, shares (points, constants); NaN is no value.
 
         Raises:
-            InputError: too few points have a value.
+        InputError: too few points have a value.
         MissingExtra: scikit-learn is not installed.
         """
         finite = [[v for v in row if math.isfinite(v)] for row in values]

@@ -6,6 +6,12 @@ measure = "transport_speed_mm_s"
 mean = 1.44
 sd = 0.27                # of one run
 n = 6
+[[experiment]]           # or the runs one by one
+scenario = "drift_8775hz.toml"
+values = { transport_speed_mm_s = [4.9, 3.7, 3.9] }
+[[experiment]]           # or what a camera has seen
+scenario = "my_plate.toml"
+tracks = "tracks.csv"
 [[candidate]]            # that could be done next; mean is not known
 scenario = "ball_558hz.toml"
 measure = "flight_height_mm"
@@ -18,19 +24,34 @@ contact.restitution = { uniform = [0.05, 0.7], also = ["contact.part_restitution
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from feeder_sim.errors import InputError
+from feeder_sim.measures.catalogue import values_of_seed
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.records.tracks import Camera
+from feeder_sim.run.tracked import tracked
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.scenario.tables import Positive, Table, read_text
+from feeder_sim.scenario.tables import Positive, Table, read_text, validated
 from feeder_sim.scenario.uncertain import Number, Uncertain
+from feeder_sim.studies.sweep.cases import check_measure
 
+# What is compared of tracks, as far as they have it; where no transport speed is measured, drift velocities.
+SPEED, VELOCITIES = "transport_speed_mm_s", ("drift_velocity_x_mm_s", "drift_velocity_y_mm_s")
+SCATTER = ("wander_mm", "turning_deg")
 MOST_CONSTANTS = 6  # of which the posterior is found by draws from the prior
+
+
+Name = Annotated[str, Field(strict=True, min_length=1)]
+Runs = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+
+Values = Annotated[tuple[float, ...], Field(min_length=1, max_length=100_000)]
 
 
 class Candidate(Table):
@@ -46,15 +67,64 @@ class Candidate(Table):
 
     name: str
     scenario: Scenario
-    measure: Annotated[str, Field(strict=True, min_length=1)]
+    measure: Name
     sd: Positive
-    n: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 1
+    n: Runs = 1
+
+    @property
+    def statistics(self) -> dict[str, Statistic]:
+        """What its runs give, by measure."""
+        return {self.measure: Statistic(math.nan, self.sd, self.sd / math.sqrt(self.n), self.n)}
 
 
-class Experiment(Candidate):
-    """One that has been done; mean: over its runs."""
+class Experiment(Table):
+    """One that has been done: the mean over n runs with the scatter of one, or the values of every run.
 
-    mean: Number
+    Attributes:
+        name, scenario: as for a candidate.
+        measure, mean, sd, n: as for a candidate, and the mean over its runs; None where there are values.
+        values: of every run, by measure; NaN where a run has none.
+    """
+
+    name: str
+    scenario: Scenario
+    measure: Name | None = None
+    mean: Number | None = None
+    sd: Positive | None = None
+    n: Runs = 1
+    values: dict[str, Values] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Experiment:
+        given = [value is not None for value in (self.measure, self.mean, self.sd)]
+        if any(given) == bool(self.values) or any(given) != all(given):
+            raise ValueError("must have measure, mean and sd, or values, or tracks")
+        for measure, statistic in self.statistics.items():
+            if not math.isfinite(statistic.mean):
+                raise ValueError(f"has no number of {measure} in values")
+        return self
+
+    @property
+    def statistics(self) -> dict[str, Statistic]:
+        """What its runs give, by measure."""
+        if self.values:
+            return {measure: Statistic.of(values) for measure, values in self.values.items()}
+        assert self.measure is not None and self.mean is not None and self.sd is not None  # by the check above
+        return {self.measure: Statistic(self.mean, self.sd, self.sd / math.sqrt(self.n), self.n)}
+
+
+class Tracks(Table):
+    """A table of tracks, and how the camera has seen them; see feeder_sim.records.tracks."""
+
+    tracks: Name
+    fps: Positive | None = None
+    mm_per_pixel: Positive | None = None
+    origin_px: tuple[Number, Number] = (0.0, 0.0)
+    longest_gap_s: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+
+    @property
+    def camera(self) -> Camera:
+        return Camera(self.fps, self.mm_per_pixel, self.origin_px, self.longest_gap_s)
 
 
 class Prior(Uncertain):
@@ -87,8 +157,34 @@ def _with_scenario(entry: Mapping[str, Any], path: Path, key: str) -> dict[str, 
         raise InputError("is missing, must be the file of a scenario", file=path, key=f"{key}.scenario")
     if not isinstance(changes, dict):
         raise InputError("must be a table of keys of the scenario", file=path, key=f"{key}.set")
-    beside = path.parent / name
-    file = beside if beside.exists() else Path(name)
+    file = _beside(path, name)
     scenario = load_scenario(file).changed({"uncertain": None, **changes}, file=file)
-    rest = {name: value for name, value in entry.items() if name not in ("scenario", "set")}
+    rest = {name: value for name, value in entry.items() if name not in ("scenario", "set", *Tracks.model_fields)}
+    if "tracks" in entry:
+        scenario, rest["values"] = _of_tracks(entry, scenario, path, key)
+        rest.pop("measure", None)
     return {"name": Path(name).stem, **rest, "scenario": scenario}
+
+
+def _beside(path: Path, name: str) -> Path:
+    """A file named in another one: beside it, or from where the command runs."""
+    return path.parent / name if (path.parent / name).exists() else Path(name)
+
+
+def _of_tracks(
+    entry: Mapping[str, Any], scenario: Scenario, path: Path, key: str
+) -> tuple[Scenario, dict[str, list[float]]]:
+    """The scenario as a camera has seen it, and what the measures give of every run that it saw."""
+    given = {name: value for name, value in entry.items() if name in Tracks.model_fields}
+    table = validated(given, Tracks, path)
+    prepared, seeds = tracked(scenario, _beside(path, table.tracks), table.camera)
+    readings = [values_of_seed(prepared, seed) for seed in seeds]
+    has_speed = any(math.isfinite(reading.get(SPEED, math.nan)) for reading in readings)
+    measures = entry.get("measure", ((SPEED,) if has_speed else VELOCITIES) + SCATTER)
+    values = {}
+    for measure in [measures] if isinstance(measures, str) else measures:
+        check_measure(measure, readings[0], f"{key}.measure")
+        of_runs = [reading[measure] for reading in readings]
+        if any(math.isfinite(value) for value in of_runs):
+            values[measure] = of_runs
+    return prepared.scenario, values

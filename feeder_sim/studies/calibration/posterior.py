@@ -1,8 +1,9 @@
 """Where constants may be once something has been measured: draws from the priors, weighted by how well they fit.
 
-A mean over n measured runs with the standard deviation s between them is a Student's t with n - 1 degrees of freedom
-about the true one, of width s / sqrt(n); the emulator's own uncertainty adds to that. Weighted draws become equally
-likely ones by systematic resampling (importance resampling, Rubin 1988).
+Means over n measured runs with the standard deviations s between them are a Student's t with n - 1 degrees of freedom
+about the true ones, of widths s / sqrt(n); several measures of the same runs hang together as they do in runs of one
+point (Wood, Nature 466 (2010) 1102). The emulators' own uncertainty adds to that. Weighted draws become equally likely
+ones by systematic resampling (importance resampling, Rubin 1988).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.statistic import Statistic
 from feeder_sim.studies.calibration.emulator import Emulator
 
 FIRST_EXPONENT, LAST_EXPONENT = 14, 18  # powers of two: draws from the priors
@@ -24,35 +26,58 @@ DRAWS = 1000  # of the posterior
 UNIFORM_VARIANCE = 1.0 / 12.0  # of a share of a prior
 DECIDED = 0.5  # of the standard deviation of the prior: a direction that is left less is decided
 GOES_WITH = 0.5  # correlation from which two constants are told to trade off
+RIDGE = 1e-6  # by which a correlation is kept apart from 1
 FAR = 3.0  # standard errors: no constants of the prior explain such a measurement
 
 
 @dataclass(frozen=True)
 class Observed:
-    """One experiment: its mean over n runs, their standard deviation, and which constants its emulator takes."""
+    """One experiment.
 
-    mean: float
-    sd: float
-    n: int
-    emulator: Emulator
+    Attributes:
+        measured: over its runs, by measure.
+        emulators: of the same measures.
+        correlation: between them in runs of one point, (measures, measures).
+        constants: places of the constants that the emulators take.
+    """
+
+    measured: Mapping[str, Statistic]
+    emulators: tuple[Emulator, ...]
+    correlation: NDArray[np.float64]
     constants: tuple[int, ...]
 
+    @cached_property
+    def mean(self) -> NDArray[np.float64]:
+        """Measured, (measures,)."""
+        return np.array([each.mean for each in self.measured.values()])
+
+    @cached_property
+    def standard_error(self) -> NDArray[np.float64]:
+        """Of these means, (measures,); a single run scatters as those that are computed."""
+        pairs = zip(self.measured.values(), self.emulators, strict=True)
+        return np.array([each.se if math.isfinite(each.se) else of.scatter / math.sqrt(each.n) for each, of in pairs])
+
     def prediction(self, shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The mean over runs and its standard deviation at shares of all priors (n, all constants)."""
-        return self.emulator.at(shares[:, self.constants])
+        """Means over runs and their standard deviations at shares of all priors (n, all constants); (n, measures)."""
+        of_each = [emulator.at(shares[:, self.constants]) for emulator in self.emulators]
+        mean, sd = (np.stack(columns, axis=1) for columns in zip(*of_each, strict=True))
+        return mean, sd
 
     def apart(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Measured less predicted, over the standard error of both, (n,)."""
+        """Measured less predicted, over the standard error of both, (n, measures)."""
         mean, sd = self.prediction(shares)
-        return np.asarray((self.mean - mean) / np.hypot(sd, self.sd / math.sqrt(self.n)))
+        return np.asarray((self.mean - mean) / np.hypot(sd, self.standard_error))
 
     def log_likelihood(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        from scipy.stats import norm, t
-
+        """Of the measured means, (n,), but for a constant."""
         mean, sd = self.prediction(shares)
-        width = np.hypot(sd, self.sd / math.sqrt(self.n))
-        law = t(self.n - 1) if self.n > 1 else norm
-        return np.asarray(law.logpdf((self.mean - mean) / width) - np.log(width))
+        error, n = self.standard_error, min(each.n for each in self.measured.values())
+        size = len(error)
+        covariance = np.outer(error, error) * self.correlation + np.eye(size) * sd[:, None, :] ** 2
+        away = self.mean - mean
+        square = np.einsum("ni,ni->n", away, np.linalg.solve(covariance, away[..., None])[..., 0])
+        tail = 0.5 * (n - 1 + size) * np.log1p(square / (n - 1)) if n > 1 else 0.5 * square
+        return np.asarray(-tail - 0.5 * np.linalg.slogdet(covariance)[1])
 
 
 @dataclass(frozen=True)
@@ -63,7 +88,7 @@ class Posterior:
         shares: of the priors, (draws, constants).
         effective: how many independent draws the weights amount to.
         nearest: of each experiment the smallest distance between measurement and prediction over the whole prior, in
-            standard errors.
+            standard errors; of several measures that of the one which is furthest away.
     """
 
     shares: NDArray[np.float64]
@@ -83,7 +108,7 @@ class Posterior:
             effective = 1.0 / float((weights**2).sum())
             if effective >= ENOUGH:
                 break
-        nearest = tuple(float(np.abs(each.apart(shares)).min()) for each in observed)
+        nearest = tuple(float(np.abs(each.apart(shares)).max(axis=1).min()) for each in observed)
         rng = np.random.default_rng(seed)
         places = (np.arange(draws) + rng.random()) / draws
         rows = np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)
@@ -133,14 +158,25 @@ class Posterior:
 
         By the straight lines between constants and its mean (Bayes linear; Goldstein and Wooff 2007).
         """
-        mean, sd = candidate.prediction(self.shares)
-        noise = float((sd**2).mean()) + candidate.sd**2 / candidate.n
+        mean, sd = (column[:, 0] for column in candidate.prediction(self.shares))
+        noise = float((sd**2).mean() + candidate.standard_error[0] ** 2)
         deviation = mean - mean.mean()
         away = self.shares - self.shares.mean(axis=0)
         covariance = (away * deviation[:, None]).mean(axis=0)
         gained = covariance**2 / (float((deviation**2).mean()) + noise)
         variance = np.maximum((away**2).mean(axis=0), 1e-30)
         return np.asarray(np.sqrt(np.maximum(1.0 - gained / variance, 0.0)))
+
+
+def within_correlation(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Correlation of measures in runs of one point, pooled over points of runs (runs, measures) each."""
+    size, whole = values[0].shape[1], [rows for rows in values if np.isfinite(rows).all() and len(rows) > 1]
+    if sum(len(rows) for rows in whole) <= size + len(whole):
+        return np.eye(size)
+    residuals = np.concatenate([rows - rows.mean(axis=0) for rows in whole])
+    covariance = residuals.T @ residuals
+    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return np.asarray(covariance / np.outer(sd, sd) * (1.0 - RIDGE) + RIDGE * np.eye(size))
 
 
 def _combination(direction: NDArray[np.float64], names: Sequence[str]) -> str:
