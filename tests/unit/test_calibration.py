@@ -140,6 +140,9 @@ scenario = "{SCENARIO}"
 set = {{ "drive[0].amplitude_um" = 2.0 }}
 measure = "transport_speed_mm_s"
 sd = 0.3
+[answer]
+scenario = "{SCENARIO.with_name("drift_4750hz.toml")}"
+measure = "transport_speed_mm_s"
 [prior]
 contact.restitution = {{ uniform = [0.1, 0.4], also = ["contact.part_restitution"] }}
 "drive[0].amplitude_um" = {{ log_normal = [1.0, 0.1], only = ["drift_8775hz"] }}
@@ -157,7 +160,10 @@ def test_the_command_tells_what_is_known_and_goes_on(tmp_path: Path) -> None:
     for row in facts["posterior"].values():
         assert row["low"] < row["median"] < row["high"] and 0.0 < row["left_of_prior"] < 1.3
     assert facts["experiments"][0]["posterior_low"] < 4.3 and facts["experiments"][0]["posterior_high"] > 3.7
-    assert facts["candidates"][0]["candidate"] == "faster"
+    (candidate,) = facts["candidates"]
+    assert candidate["candidate"] == "faster" and (candidate["parts"], candidate["minutes"]) == (1, 0.25)
+    assert 0.0 <= candidate["answer"] <= 1.0  # of what is predicted for another plate it decides some
+    assert facts["answer"]["low"] < facts["answer"]["median"] < facts["answer"]["high"]
     assert {path.name for path in folder.iterdir()} >= {"posterior.csv", "experiments.csv", "calibrate.png"}
     draws = np.genfromtxt(folder / "draws.csv", delimiter=",", names=True)
     assert len(draws) == 1000

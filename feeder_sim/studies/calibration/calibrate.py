@@ -40,6 +40,7 @@ from feeder_sim.scenario.uncertain import by_full_key
 from feeder_sim.studies.calibration.emulator import Emulator
 from feeder_sim.studies.calibration.experiments import (
     MOST_CONSTANTS,
+    Answer,
     Candidate,
     Experiment,
     Prior,
@@ -59,6 +60,7 @@ DRAWS, POSTERIOR, EXPERIMENTS, POINTS, PICTURE = (
 )
 ROUNDS = 2  # over the priors, and where the first posterior is
 SEED = 0  # of the design
+Run = Experiment | Candidate | Answer
 QUANTILES = ("median", "low", "high")
 
 
@@ -71,6 +73,7 @@ class CalibrateQuestion(Question):
 
     experiment: Annotated[tuple[Experiment, ...], Field(min_length=1, max_length=100)]
     candidate: Annotated[tuple[Candidate, ...], Field(max_length=100)] = ()
+    answer: Answer | None = None
     prior: Annotated[dict[str, Prior], Field(min_length=1, max_length=MOST_CONSTANTS), BeforeValidator(by_full_key)]
     points: Annotated[int, Field(strict=True, ge=16, le=4096, description="Points of each of two rounds.")] = 32
     seeds: Annotated[int, Field(strict=True, ge=2, description="Seeds of every point.")] = 8
@@ -81,11 +84,11 @@ class CalibrateQuestion(Question):
         return json.dumps(self.model_dump(mode="json", exclude={"seeds"}), sort_keys=True)
 
     @property
-    def all(self) -> tuple[Experiment | Candidate, ...]:
-        """Experiments and candidates: all of them are run."""
-        return (*self.experiment, *self.candidate)
+    def all(self) -> tuple[Run, ...]:
+        """Experiments, candidates and what they are for: all of them are run."""
+        return (*self.experiment, *self.candidate, *([self.answer] if self.answer else []))
 
-    def constants_of(self, experiment: Experiment | Candidate) -> tuple[int, ...]:
+    def constants_of(self, experiment: Run) -> tuple[int, ...]:
         """Places of the constants that an experiment takes."""
         return tuple(
             k for k, prior in enumerate(self.prior.values()) if not prior.only or experiment.name in prior.only
@@ -95,7 +98,7 @@ class CalibrateQuestion(Question):
         """The constants at shares of their priors (constants,)."""
         return {key: prior.at(float(share)) for (key, prior), share in zip(self.prior.items(), shares, strict=True)}
 
-    def changes(self, experiment: Experiment | Candidate, shares: NDArray[np.float64]) -> dict[str, Any]:
+    def changes(self, experiment: Run, shares: NDArray[np.float64]) -> dict[str, Any]:
         """What of a scenario changes at a point."""
         places, draw = self.constants_of(experiment), self.draw(shares)
         changes: dict[str, Any] = {}
@@ -166,7 +169,7 @@ class CalibrationPlan:
         made.take(self._ledger, recorded=self._recorded)
         self.rounds.append((shares, made))
 
-    def _case(self, experiment: Experiment | Candidate, shares: NDArray[np.float64]) -> Case:
+    def _case(self, experiment: Run, shares: NDArray[np.float64]) -> Case:
         changes = self.question.changes(experiment, shares)
         return Case(functools.partial(experiment.scenario.changed, changes), {"experiment": experiment.name} | changes)
 
@@ -315,13 +318,34 @@ class Calibration(Study):
                 rows.append(row)
         return rows
 
+    @property
+    def answers(self) -> NDArray[np.float64]:
+        """The mean of what it is for, at every draw, (draws, 1); none without it, (draws, 0)."""
+        shares = self._distribution.shares
+        return self._observed[-1].prediction(shares)[0] if self.question.answer else np.empty((len(shares), 0))
+
+    def answer(self) -> Record | None:
+        """What the constants are for: the 90 % interval of its mean; None without it."""
+        if self.question.answer is None:
+            return None
+        named = {"answer": self.question.answer.name, "measure": self.question.answer.measure}
+        return named | dict(interval(self.answers[:, 0]))
+
     def recommendations(self) -> list[Record]:
-        """Every candidate, the most telling first: what it would leave of the standard deviation of each constant."""
+        """Every candidate, the most telling first.
+
+        What it would leave of the standard deviation of each constant, and of that of the answer, and what it costs.
+        """
         rows: list[Record] = []
-        for each, of in zip(self.question.candidate, self._observed[len(self.question.experiment) :], strict=True):
-            left = self._distribution.narrowed_by(of).tolist()
-            rows.append({"candidate": each.name, "measure": each.measure} | dict(zip(self.keys, left, strict=True)))
-        return sorted(rows, key=lambda row: math.prod(float(row[key]) for key in self.keys))
+        answers, after = self.answers, len(self.question.experiment)
+        for each, of in zip(self.question.candidate, self._observed[after:], strict=False):
+            left = dict(zip(self.keys, self._distribution.narrowed_by(of).tolist(), strict=True))
+            if self.question.answer:
+                left["answer"] = float(self._distribution.narrowed_by(of, answers)[0])
+            parts, minutes = each.cost
+            named = {"candidate": each.name, "measure": each.measure}
+            rows.append(named | left | {"parts": parts, "minutes": minutes})
+        return sorted(rows, key=lambda row: row.get("answer", math.prod(float(row[key]) for key in self.keys)))
 
     def table(self) -> list[Record]:
         """One row per constant."""
@@ -346,6 +370,7 @@ class Calibration(Study):
             "words": self._distribution.words(self.keys),
             "experiments": self.predicted(),
             "candidates": self.recommendations(),
+            "answer": self.answer(),
             "effective_draws": self._distribution.effective,
         }
 
@@ -374,9 +399,15 @@ class Calibration(Study):
         ]
         head = ("experiment", "measure", "measured", "prior", "posterior")
         lines += Table("", head, tuple(checks), numbers_from=2).lines()
+        answer = self.answer()
+        if answer is not None:
+            span = f"{answer['low']:.4g} to {answer['high']:.4g}"
+            value = f"{answer['measure']} {answer['median']:.4g}, 90 % interval of its mean {span}"
+            lines.append(f"{answer['answer']}: {value}")
         for row in self.recommendations():
-            left = ", ".join(f"{key} {row[key]:.0%}" for key in self.keys)
-            lines.append(f"{row['candidate']} would leave of these: {left}")
+            left = ", ".join(f"{key} {row[key]:.0%}" for key in (*self.keys, "answer") if key in row)
+            cost = f"{counted(row['parts'], 'part')}, {row['minutes']:.3g} min"
+            lines.append(f"{row['candidate']} would leave of these: {left} ({cost})")
         return lines
 
     def remarks(self, measure: str | None = None) -> Iterator[Text]:

@@ -17,6 +17,9 @@ scenario = "ball_558hz.toml"
 measure = "flight_height_mm"
 sd = 0.05
 n = 10
+[answer]                 # what it is for: candidates are judged by what they leave of its interval
+scenario = "separation_100.toml"
+measure = "picked"
 [prior]
 contact.restitution = { uniform = [0.05, 0.7], also = ["contact.part_restitution"] }
 "drive[0].amplitude_um" = { log_normal = [1.0, 0.1], only = ["drift_8775hz"] }
@@ -40,6 +43,7 @@ from feeder_sim.run.tracked import tracked
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scenario.tables import Positive, Table, read_text, validated
 from feeder_sim.scenario.uncertain import Number, Uncertain
+from feeder_sim.scene.timetable import timetable
 from feeder_sim.studies.sweep.cases import check_measure
 
 # What is compared of tracks, as far as they have it; where no transport speed is measured, drift velocities.
@@ -63,6 +67,7 @@ class Candidate(Table):
         measure: of the scenario.
         sd: of one measured run, in the unit of the measure.
         n: measured runs.
+        minutes: that one of them takes; by default that of its scenario at most.
     """
 
     name: str
@@ -70,6 +75,13 @@ class Candidate(Table):
     measure: Name
     sd: Positive
     n: Runs = 1
+    minutes: Positive | None = None
+
+    @property
+    def cost(self) -> tuple[int, float]:
+        """Parts that are put down, and minutes."""
+        minutes = timetable(self.scenario).duration / 60.0 if self.minutes is None else self.minutes
+        return self.n * self.scenario.n_parts, self.n * minutes
 
     @property
     def statistics(self) -> dict[str, Statistic]:
@@ -113,6 +125,24 @@ class Experiment(Table):
         return {self.measure: Statistic(self.mean, self.sd, self.sd / math.sqrt(self.n), self.n)}
 
 
+class Answer(Table):
+    """What the constants are for: a measure of another scenario.
+
+    Attributes:
+        name: by default that of the file of its scenario.
+        scenario, measure: of it.
+    """
+
+    name: str
+    scenario: Scenario
+    measure: Name
+
+    @property
+    def statistics(self) -> dict[str, Statistic]:
+        """Nobody has measured it."""
+        return {self.measure: Statistic.of([])}
+
+
 class Tracks(Table):
     """A table of tracks, and how the camera has seen them; see feeder_sim.records.tracks."""
 
@@ -148,6 +178,10 @@ def read_experiments(path: Path) -> dict[str, Any]:
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise InputError(f"must be tables, [[{kind}]]", file=path, key=kind)
         raw[kind] = [_with_scenario(entry, path, f"{kind}[{i}]") for i, entry in enumerate(entries)]
+    if "answer" in raw:
+        if not isinstance(raw["answer"], dict):
+            raise InputError("must be a table, [answer]", file=path, key="answer")
+        raw["answer"] = _with_scenario(raw["answer"], path, "answer")
     return raw
 
 

@@ -153,15 +153,17 @@ class Posterior:
                     lines.append(f"{trade}: the data hold them together, not each by itself")
         return lines
 
-    def narrowed_by(self, candidate: Observed) -> NDArray[np.float64]:
-        """What one more experiment would leave of each constant's standard deviation in the posterior, (constants,).
+    def narrowed_by(self, candidate: Observed, values: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+        """What one more experiment would leave of the standard deviation of values (draws, n), (n,).
 
-        By the straight lines between constants and its mean (Bayes linear; Goldstein and Wooff 2007).
+        By default of the constants. By the straight lines between values and the mean of the experiment (Bayes linear;
+        Goldstein and Wooff 2007).
         """
         mean, sd = (column[:, 0] for column in candidate.prediction(self.shares))
         noise = float((sd**2).mean() + candidate.standard_error[0] ** 2)
         deviation = mean - mean.mean()
-        away = self.shares - self.shares.mean(axis=0)
+        values = self.shares if values is None else values
+        away = values - values.mean(axis=0)
         covariance = (away * deviation[:, None]).mean(axis=0)
         gained = covariance**2 / (float((deviation**2).mean()) + noise)
         variance = np.maximum((away**2).mean(axis=0), 1e-30)
