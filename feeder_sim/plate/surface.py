@@ -146,6 +146,7 @@ def tabulate(
     width: float,
     thickness: float,
     wavelength: float = math.inf,
+    per_wavelength: int = POINTS_PER_WAVELENGTH,
     uniform_y: bool = False,
 ) -> Surface:
     """Sample mode shapes on a grid fine enough for the shortest wavelength [m].
@@ -157,16 +158,17 @@ def tabulate(
         width: of the plate, along y [m].
         thickness: of the plate [m].
         wavelength: the shortest bending wavelength among the shapes [m].
+        per_wavelength: grid points in one.
         uniform_y: the shapes do not depend on y, so that four grid lines in y are enough.
 
     Raises:
         InputError: the plate is too large for its wavelength to be tabulated.
     """
-    spacing = wavelength / POINTS_PER_WAVELENGTH
+    spacing = wavelength / per_wavelength
     if len(shapes) * (length / spacing + 4.0) * (4.0 if uniform_y else width / spacing + 4.0) > MAX_GRID_POINTS:
         raise InputError(
             f"of {1e3 * length:g} x {1e3 * width:g} mm is too large for waves of {1e3 * wavelength:g} mm, must be "
-            f"{MAX_GRID_POINTS} grid points at {POINTS_PER_WAVELENGTH} per wavelength",
+            f"{MAX_GRID_POINTS} grid points at {per_wavelength} per wavelength",
             key="plate",
         )
     x = np.linspace(-0.5 * length, 0.5 * length, max(4, 1 + math.ceil(length / spacing)))

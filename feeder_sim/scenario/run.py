@@ -136,6 +136,7 @@ class Run(Table):
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
     tolerance_nm: Annotated[float, Field(ge=1e-4, le=100, strict=True)] | None = None
     steps_per_period: Annotated[int, Field(ge=1, le=10_000, strict=True)] | None = None
+    points_per_wavelength: Annotated[int, Field(ge=8, le=1000, strict=True)] | None = None
     frames_per_second: Annotated[float, Field(ge=1, le=1e6, strict=True)] = 500.0
     floor_mm: Annotated[float, Field(ge=-1e4, le=-1, strict=True)] = -50.0
     in_plane_velocity: Flag = True

@@ -13,7 +13,7 @@ from feeder_sim.plate.drive import ModalTerms, modal_terms
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file
 from feeder_sim.plate.mode_shapes import ModeShape, Rigid, RitzShape, StandingWave, shortest_wavelength, standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.plate.surface import Surface, tabulate
+from feeder_sim.plate.surface import POINTS_PER_WAVELENGTH, Surface, tabulate
 from feeder_sim.scenario import (
     BendingPlate,
     Excitation,
@@ -61,15 +61,15 @@ def assemble_plate(scenario: Scenario, times: Timetable) -> DrivenPlate:
         return _rigid(plate, scenario, times)
     drives = excitations_of(scenario, Excitation)
     if isinstance(plate, Strip):
-        return _strip(plate, drives, times)
+        return _strip(plate, drives, times, scenario.run.points_per_wavelength)
     mode_file = read_mode_file(plate.mode_file) if isinstance(plate, ModePlate) else modes_of(plate, drives)
     if mode_file.modes.outline is not None:
         for problem in lines_of(scenario, plate_with_outline):
             raise InputError(problem)
-    return _from_modes(mode_file, drives, times)
+    return _from_modes(mode_file, drives, times, scenario.run.points_per_wavelength)
 
 
-def _strip(plate: Strip, drives: Excitations, times: Timetable) -> DrivenPlate:
+def _strip(plate: Strip, drives: Excitations, times: Timetable, per_wavelength: int | None) -> DrivenPlate:
     thickness = plate.thickness_mm * 1e-3
     slab = RectangularPlate(1.0, 1.0, thickness, resolve_material(plate.material))
     driven = []
@@ -84,7 +84,7 @@ def _strip(plate: Strip, drives: Excitations, times: Timetable) -> DrivenPlate:
     wavelengths = [mode.shape.wavelength for mode in driven if isinstance(mode.shape, StandingWave)]
     length = plate.length_mm * 1e-3 if plate.length_mm else STRIP_WAVELENGTHS * max(wavelengths)
     size = (length, plate.width_mm * 1e-3, thickness)
-    return _tabulated(driven, drives, times, *size, min(wavelengths), uniform_y=True)
+    return _tabulated(driven, drives, times, *size, min(wavelengths), per_wavelength, uniform_y=True)
 
 
 def _rigid(plate: RigidPlate, scenario: Scenario, times: Timetable) -> DrivenPlate:
@@ -124,7 +124,7 @@ def _tray(plate: RigidPlate, drives: TrayExcitations, times: Timetable) -> Drive
     return replace(level, surface=tilted)
 
 
-def _from_modes(mode_file: ModeFile, drives: Excitations, times: Timetable) -> DrivenPlate:
+def _from_modes(mode_file: ModeFile, drives: Excitations, times: Timetable, per_wavelength: int | None) -> DrivenPlate:
     modes = mode_file.modes
     plate = ModalPlate(mode_file)
     driven = [driven_mode(drive, key, plate) for key, drive in drives]
@@ -135,7 +135,7 @@ def _from_modes(mode_file: ModeFile, drives: Excitations, times: Timetable) -> D
     except ValueError as error:
         raise InputError(f"is {drive.frequency_hz:g}, {error}", key=f"{key}.frequency_hz") from error
     size = (modes.plate.length, modes.plate.width, modes.plate.thickness)
-    tabulated = _tabulated(driven, drives, times, *size, shortest)
+    tabulated = _tabulated(driven, drives, times, *size, shortest, per_wavelength)
     return replace(tabulated, surface=replace(tabulated.surface, outline=modes.outline))
 
 
@@ -175,6 +175,7 @@ def _tabulated(
     width: float,
     thickness: float,
     wavelength: float,
+    per_wavelength: int | None = None,
     *,
     uniform_y: bool = False,
     bends: bool = True,
@@ -197,6 +198,7 @@ def _tabulated(
         width=width,
         thickness=thickness,
         wavelength=wavelength,
+        per_wavelength=per_wavelength or POINTS_PER_WAVELENGTH,
         uniform_y=uniform_y,
     )
     return DrivenPlate(surface, numbered)

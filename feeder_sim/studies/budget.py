@@ -29,9 +29,11 @@ from feeder_sim.jobs.task import RepeatedWarning
 from feeder_sim.measures.effort import Effort
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import counted
+from feeder_sim.plate.surface import POINTS_PER_WAVELENGTH
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Scenario
+from feeder_sim.scenario import Excitation, RigidPlate, Scenario, excitations_of
 from feeder_sim.scenario.engine_choice import choose_engine
+from feeder_sim.scene.driven_mode import FOLLOWS
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Record, Study, csv_bytes
 from feeder_sim.studies.sweep.cases import Case, Cases, CasesPlan, check_measure
@@ -45,6 +47,7 @@ PER_DRAW = 4  # times fewer seeds of a draw of the inputs than of an entry
 Z90 = 1.645  # standard deviations to each side of a normal 90 % interval
 SURE = 2.0  # standard errors
 ROLLING_UM, MUJOCO_STEPS = 1.0, 40
+MORE = 10.0  # times smaller may a mode be that follows
 OUTSIDE = "not in the model: air under flat faces (slows them as they land), adhesion, wear, and charge"
 
 
@@ -105,6 +108,13 @@ def _variants(
         variants.append((NUMERICS, "half the tolerance", {"run.tolerance_nm": 0.5 * scenario.tolerance}))
     elif method != "slide":
         variants.append((NUMERICS, "half the step", {"run.steps_per_period": 2 * run.steps}))
+    if not isinstance(scenario.plate, RigidPlate):
+        twice = 2 * (run.points_per_wavelength or POINTS_PER_WAVELENGTH)
+        variants.append((NUMERICS, "table twice as fine", {"run.points_per_wavelength": twice}))
+    voltages = [key for key, drive in excitations_of(scenario, Excitation) if drive.voltage_vpp is not None]
+    if voltages:
+        variants.append((NUMERICS, "more modes follow", {f"{key}.modes": FOLLOWS / MORE for key in voltages}))
+        variants.append((MODEL, "no modes follow", {f"{key}.modes": "driven" for key in voltages}))
     toggles = (
         ("tangent_surface", "plane under the part" if not run.tangent_surface else "curved surface"),
         ("in_plane_velocity", "no in-plane motion" if run.in_plane_velocity else "in-plane motion"),

@@ -11,6 +11,8 @@ from command_line import check_refused, feeder_sim
 from conftest import REPOSITORY
 
 from feeder_sim import open_study
+from feeder_sim.scenario import load_scenario
+from feeder_sim.studies.budget import BudgetQuestion
 
 SCENARIO = REPOSITORY / "scenarios/drift_8775hz.toml"
 INPUTS = (
@@ -32,7 +34,11 @@ def test_entries_and_what_they_add_up_to(folder: Path) -> None:
     facts = json.loads((folder / "facts.json").read_text(encoding="utf-8"))
     entries = {entry["name"]: entry for entry in facts["entries"]}
     kinds = [entry["kind"] for entry in facts["entries"]]
-    assert kinds.count("seeds") == kinds.count("inputs") == kinds.count("numerics") == 1 and kinds.count("model") >= 3
+    assert kinds.count("seeds") == kinds.count("inputs") == 1 and kinds.count("model") >= 3
+    assert [name for name, of in entries.items() if of["kind"] == "numerics"] == [
+        "half the tolerance",
+        "table twice as fine",
+    ]
     lost = entries["no in-plane motion"]
     assert -0.85 < lost["change"] / facts["value"] < -0.6 and lost["uncertainty"] is None
     squares = sum(entry["uncertainty"] ** 2 for entry in facts["entries"] if entry["uncertainty"] is not None)
@@ -53,6 +59,12 @@ def test_without_uncertain_inputs_it_says_so(tmp_path: Path) -> None:
     done = feeder_sim("budget", SCENARIO, "--seeds", 8, "--out", tmp_path / "out")
     assert "nothing is [uncertain]" in done.stderr
     assert "more seeds shrink it" in done.stdout or "a finer one shrinks it" in done.stdout
+
+
+def test_modes_that_follow_a_voltage_are_entries() -> None:
+    scenario = load_scenario(REPOSITORY / "scenarios/separation_piezos.toml")
+    entries = {case[0].point["entry"] for case in BudgetQuestion().plan(scenario, Path("mine.toml")).cases.cases}
+    assert {"more modes follow", "no modes follow"} <= entries
 
 
 def test_a_measure_that_is_not_there_is_refused(tmp_path: Path) -> None:

@@ -31,6 +31,19 @@ def test_strip_surface_moves_as_the_analytic_wave() -> None:
     assert np.abs(u[:, 1]).max() == 0.0
 
 
+def test_a_table_twice_as_fine_is_sixteen_times_as_good() -> None:
+    """Cubic interpolation; the middles of its cells are worst."""
+    errors = []
+    for number in (40, 80):
+        surface = build_scene(strip_scenario().changed({"run.points_per_wavelength": number})).surface
+        x = 0.5 * (surface.x[2:-3] + surface.x[3:-2])
+        wave = build_scene(strip_scenario()).driven[0].shape
+        assert isinstance(wave, StandingWave)
+        exact = np.cos(wave.wavenumber * x)
+        errors.append(np.abs(surface.deflection(0, np.column_stack([x, 0.0 * x])) - exact).max())
+    assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.1)
+
+
 def test_horizontal_motion_leans_towards_the_node_while_the_surface_rises() -> None:
     """Between antinode (x = 0) and node the top surface moves along a line inclined towards the node."""
     scene = build_scene(strip_scenario())
