@@ -122,9 +122,11 @@ def write_tracks(file: Path, seeds: Sequence[Seed], rng: np.random.Generator) ->
     file.write_text("\n".join(["t_s,part,x_mm,y_mm,angle_deg", *lines]) + "\n", encoding="utf-8")
 
 
-def of_speeds(of: Observed) -> Observed:
-    """The same runs, of which the transport speed alone is known."""
-    return replace(of, measured={SEEN[0]: of.measured[SEEN[0]]}, emulators=of.emulators[:1], correlation=np.eye(1))
+def of_measures(of: Observed, names: Sequence[str]) -> Observed:
+    """The same runs, of which some measures alone are known."""
+    rows = [list(of.measured).index(name) for name in names]
+    measured, emulators = {name: of.measured[name] for name in names}, tuple(of.emulators[row] for row in rows)
+    return replace(of, measured=measured, emulators=emulators, correlation=of.correlation[np.ix_(rows, rows)])
 
 
 def ranks(sets: int, points: int, work: Work, *, tracks: bool = False) -> Ranks:
@@ -139,7 +141,7 @@ def ranks(sets: int, points: int, work: Work, *, tracks: bool = False) -> Ranks:
             posterior = Posterior.of(data, len(PRIOR), k)
             shares.append((posterior.shares < truth).mean(axis=0))
             left.append(posterior.left)
-            speeds_left.append(Posterior.of([of_speeds(of) for of in data], len(PRIOR), k).left)
+            speeds_left.append(Posterior.of([of_measures(of, SEEN[:1]) for of in data], len(PRIOR), k).left)
     return Ranks(np.array(shares), np.array(left), np.array(speeds_left))
 
 

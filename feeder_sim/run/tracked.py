@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.measures.wander import up_to_passage
-from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.seed import REMOVALS, Cause, Seed, Status, joined, no_events, removed
 from feeder_sim.records.tracks import Camera, Track, interval_of, read_tracks
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.prepare import prepare
@@ -88,13 +88,13 @@ def _check_tracks(scene: Scene, tracks: Sequence[Track], file: Path) -> None:
         raise InputError(f"are all within {place:.3g} mm of the middle of the plate: in metres?", file=file, key="x, y")
     for track in tracks:
         key = f"part {track.part}"
-        outside = (np.abs(track.place) > half + longest).any(axis=1)
-        for time, place in zip(track.time[outside], track.place[outside], strict=True):
-            at = f"is at ({1e3 * place[0]:.4g}, {1e3 * place[1]:.4g}) mm at {time:.6g} s"
+        if (np.abs(track.place[0]) > half).any():
+            x, y = 1e3 * track.place[0]
             size = f"{2e3 * half[0]:.4g} x {2e3 * half[1]:.4g} mm"
-            problem = f"{at}, must be on the plate of {size}: another unit, or another origin?"
-            raise InputError(problem, file=file, key=key)
-        steps = np.linalg.norm(np.diff(track.place, axis=0), axis=1)
+            begins = f"begins at ({x:.4g}, {y:.4g}) mm, must be on the plate of {size}"
+            raise InputError(f"{begins}: another unit, or another origin?", file=file, key=key)
+        on_plate = np.all(np.abs(track.place) <= half, axis=1)  # what falls off may be fast
+        steps = np.linalg.norm(np.diff(track.place, axis=0), axis=1) * on_plate[:-1]
         for row in np.flatnonzero(steps > longest):
             moved = f"moves by {1e3 * steps[row]:.3g} mm between two frames at {track.time[row]:.6g} s"
             if (other := _goes_on(tracks, track, int(row), SAME_PLACE * longest)) is not None:
@@ -135,7 +135,21 @@ def _seed(scene: Scene, tracks: Sequence[Track], interval: float) -> Seed:
     spin = np.zeros_like(place)
     spin[..., 2] = np.gradient(turn, time, axis=0)  # NaN where no angle was seen
     attitude = _turned(np.nan_to_num(turn), np.array([quaternion for _, quaternion in level]))
-    return Seed(Frames(time, place, attitude, velocity, spin, present).as_stored(), status=Status.DONE)
+    return _without_lost(scene, Frames(time, place, attitude, velocity, spin, present).as_stored())
+
+
+def _without_lost(scene: Scene, frames: Frames) -> Seed:
+    """A seed in which parts are lost where their tracks leave the plate."""
+    left = frames.present & ~scene.on_plate(frames)
+    lost = np.flatnonzero(left.any(axis=0))
+    rows = left[:, lost].argmax(axis=0)
+    for part, row in zip(lost, rows, strict=True):
+        frames.present[row + 1 :, part] = False
+    order = np.argsort(rows, kind="stable")
+    leaving = (removed(lost[k : k + 1], frames.time[rows[k]], Cause.LOST) for k in order)
+    removals = joined([no_events(REMOVALS), *leaving])
+    status = Status.LEFT_PLATE if len(lost) == frames.present.shape[1] else Status.DONE
+    return Seed(frames, removals=removals, status=status)
 
 
 def _lying(scene: Scene, kind: int) -> tuple[float, NDArray[np.float64]]:

@@ -162,6 +162,16 @@ def test_many_parts_are_one_seed_and_come_and_go(tmp_path: Path) -> None:
     assert 1e3 * seed.frames.position[:, 0, 2].max() == pytest.approx(1.0, abs=0.5)  # lies on the plate
 
 
+def test_a_track_that_leaves_the_plate_is_of_a_part_that_is_lost(tmp_path: Path) -> None:
+    file = tmp_path / "tracks.csv"
+    away = [(i / RATE, 1.0, 20.0 + i) for i in range(30)]  # the plate ends at 30 mm
+    file.write_text(HEAD + lines(STEADY, 1) + lines(away, 2), encoding="utf-8")
+    prepared, (stays, leaves) = tracked(fs.load_scenario(SCENARIO), file, Camera())
+    assert (stays.status, leaves.status) == (Status.DONE, Status.LEFT_PLATE)
+    assert leaves.frames.present[:, 0].sum() == 12 and leaves.removals.time == pytest.approx([11 / RATE], abs=1e-3)
+    assert prepared.scenario.run.seeds == 2 and len(stays.removals) == 0
+
+
 def straight(place: NDArray[np.float64], turn: NDArray[np.float64]) -> Frames:
     """Frames of one part at places (n, 2) that turns about z."""
     n = len(place)
