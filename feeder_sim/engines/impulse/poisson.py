@@ -1,7 +1,10 @@
 """Poisson's restitution: an impulse of compression, of which every contact gets a share e once more.
 
-Two phases, each at zero time (Pfeiffer and Glocker, Multibody Dynamics with Unilateral Contacts, Wiley 1996, ch. 8), in
-the terms of contact_problem.py:
+At one point Coulomb's friction is integrated over the course of the impact: the normal impulse grows in small pieces,
+each of which ends no later than the slip (Routh 1860; Keller, J. Appl. Mech. 53 (1986) 1; in a plane that is exact,
+Wang and Mason, J. Appl. Mech. 59 (1992) 635). Several at once have no such course, since nothing says how fast one
+impulse grows beside another. They have two phases (Pfeiffer and Glocker, Multibody Dynamics with Unilateral Contacts,
+Wiley 1996, ch. 8), in the terms of contact_problem.py:
 
     compression   u' = u + W p     by the laws there without restitution
     restitution   u" = u' + W q    q.n = e p.n,   |q_t| <= mu q.n,   q_t opposite to u"_t where it slips
@@ -9,8 +12,7 @@ the terms of contact_problem.py:
 Where restitution brings a contact to approach, it is stopped without restitution of its own. With normal impulses that
 are given, Coulomb's friction is what leaves the least energy, of all that its limits allow. Among that is e p_t; so the
 energy changes by -(1 - e^2) p.W p / 2 or less where all contacts have one e. Where they have not, the restitution of
-all is lowered until no energy is created. Friction is of the slip at the end of a phase; where slip reverses within
-one, the integral over the course of the impact (Routh 1860; Wang and Mason, J. Appl. Mech. 59 (1992) 635) has less.
+all is lowered until no energy is created.
 """
 
 from __future__ import annotations
@@ -47,10 +49,12 @@ from feeder_sim.engines.impulse.contact_problem import (
     write_out,
 )
 from feeder_sim.engines.impulse.single_impact import HALVINGS, ROUND_OFF, impulse_to
-from feeder_sim.engines.impulse.vectors import plus, times
+from feeder_sim.engines.impulse.vectors import dot, plus, times
 from feeder_sim.machine_code import compiled, inlined, uncounted
 
 STEPS = 50  # of Newton's, for the friction of one contact
+PIECES, MOST_PIECES = 32, 500  # of the normal impulse of one point
+STOPPED = 1e-12  # of its speed: slip that has ended
 SWEEPS = 300  # at most; each leaves less energy than the one before, wherever they end
 EXACT = 1e-14  # of a limit of friction
 
@@ -58,18 +62,70 @@ EXACT = 1e-14  # of a limit of friction
 @compiled
 def poisson_impulse(k, u, e, mu):
     """As `impulse_at_point` of single_impact.py, by Poisson's law."""
-    solved, p = impulse_to(k, u, 0.0, mu)
+    solved, compression = _compression(k, u, mu)
     if not solved:
-        return False, (0.0, 0.0, (1.0 + e) * p[2])
-    q = e * p[2]
-    after = plus(u, 1.0, times(k, (p[0], p[1], p[2] + q)))
-    x, y = least_energy((k[0], k[1], k[3]), (after[0], after[1]), mu * q)
-    p = (p[0] + x, p[1] + y, p[2] + q)
+        return False, (0.0, 0.0, -(1.0 + e) * u[2] / k[5])
+    share, p = 1.0, compression
+    for _ in range(HALVINGS + 1):
+        p = _with_restitution(k, u, compression, share * e * compression[2], mu)
+        change = times(k, p)
+        if dot(p, plus(u, 0.5, change)) <= -ROUND_OFF * u[2] * p[2] or share == 0.0:
+            break
+        share = 0.5 * share if share > 0.02 else 0.0
     after = plus(u, 1.0, times(k, p))
     if after[2] < ROUND_OFF * u[2]:
-        solved, q = impulse_to(k, after, 0.0, mu)
-        p = plus(p, 1.0, q)
+        solved, rest = impulse_to(k, after, 0.0, mu)
+        p = plus(p, 1.0, rest)
     return solved, p
+
+
+@compiled
+def _compression(k, u, mu):
+    """Whether an impulse ends the approach, and that impulse."""
+    p, v, solved = (0.0, 0.0, 0.0), u, False
+    for i in range(MOST_PIECES):
+        solved, rest = impulse_to(k, v, 0.0, mu)
+        piece = min(-u[2] / k[5] / PIECES, _end_of_slip(k, v, mu))
+        if solved and (rest[2] <= piece or i == MOST_PIECES - 1):
+            return True, plus(p, 1.0, rest)
+        p = plus(p, 1.0, _piece(k, v, piece, mu))
+        v = plus(u, 1.0, times(k, p))
+    return solved, p
+
+
+@compiled
+def _with_restitution(k, u, p, left, mu):
+    """An impulse p with a further normal impulse, and the friction of that."""
+    most = left / PIECES
+    for i in range(MOST_PIECES):
+        v = plus(u, 1.0, times(k, p))
+        piece = min(most, left, _end_of_slip(k, v, mu))
+        if i == MOST_PIECES - 1:
+            piece = left
+        p = plus(p, 1.0, _piece(k, v, piece, mu))
+        left -= piece
+        if left <= 0.0:
+            break
+    return p
+
+
+@inlined
+def _piece(k, v, normal, mu):
+    """A normal impulse with its friction, at a point that moves with v."""
+    x, y = least_energy((k[0], k[1], k[3]), (v[0] + k[2] * normal, v[1] + k[4] * normal), mu * normal)
+    return x, y, normal
+
+
+@inlined
+def _end_of_slip(k, v, mu):
+    """The normal impulse after which slip in one direction would end, or is least; infinite where it grows."""
+    size = math.sqrt(v[0] * v[0] + v[1] * v[1])
+    if size <= STOPPED * (size + abs(v[2])):
+        return math.inf
+    c, s = v[0] / size, v[1] / size
+    x, y = k[2] - mu * (k[0] * c + k[1] * s), k[4] - mu * (k[1] * c + k[3] * s)
+    slows = -(c * x + s * y)
+    return size * slows / (x * x + y * y) if slows > 0.0 else math.inf
 
 
 @inlined
