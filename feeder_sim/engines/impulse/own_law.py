@@ -91,7 +91,7 @@ def own_impact(kind, bodies, contacts, n, closely, near):
 
     What still approaches after many of these impacts is stopped, all at once.
     """
-    vectors, number, kept = contacts.vector, contacts.number, contacts.room.value[EARLIER]
+    vectors, number, given = contacts.vector, contacts.number, contacts.room.value[EARLIER]
     for i in range(n):
         write_to(vectors[IMPULSE, i], (0.0, 0.0, 0.0))
         write_to(vectors[MOMENT, i], (0.0, 0.0, 0.0))
@@ -114,8 +114,8 @@ def own_impact(kind, bodies, contacts, n, closely, near):
     for i in range(n):
         number[RESTITUTION, i] = 0.0
         for c in range(3):
-            kept[i, c] = vectors[IMPULSE, i, c]
+            given[i, c] = vectors[IMPULSE, i, c]
     settled = impact(bodies, contacts, n, closely, near)
     for i in range(n):
-        add_to(vectors[IMPULSE, i], 1.0, vector(kept[i]))
+        add_to(vectors[IMPULSE, i], 1.0, vector(given[i]))
     return settled
