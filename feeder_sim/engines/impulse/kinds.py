@@ -43,6 +43,14 @@ def read_kinds(scene: Scene) -> Kinds:
     planes = [_hull(points.tobytes())[1] for points in corners]
     pieces = [[np.asarray(kind.in_principal_axes(piece), float) for piece in kind.pieces] for kind in kinds]
     radius = [kind.corner_radius or CORNER_RADIUS for kind in kinds]
+    for fixture in scene.fixtures:
+        mass.append(np.inf)
+        inertia.append(np.full(3, np.inf))
+        corners.append(fixture.corners)
+        edges.append(_hull(fixture.corners.tobytes())[0])
+        planes.append(_hull(fixture.corners.tobytes())[1])
+        pieces.append(list(fixture.bodies) if len(fixture.bodies) > 1 else [])
+        radius.append(0.0)
     if scene.rim:
         mass.append(np.inf)
         inertia.append(np.full(3, np.inf))
@@ -62,8 +70,12 @@ def read_kinds(scene: Scene) -> Kinds:
         for own, of in zip(corners, pieces, strict=True)
     ]
     record["friction"] = contact.friction, contact.part_friction
+    for number, fixture in enumerate(scene.fixtures, len(kinds)):
+        record["friction"][number] = fixture.friction
     record["rolling"] = 1e-6 * contact.rolling_friction_um
     _write_restitution(record, scene)
+    for number, fixture in enumerate(scene.fixtures, len(kinds)):
+        record["restitution"][number] = fixture.restitution
     record["corner_from"], record["corner_to"] = _places(corners)
     record["edge_from"], record["edge_to"] = _places(edges)
     first, last = _places(pieces)

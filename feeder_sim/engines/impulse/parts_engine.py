@@ -16,7 +16,7 @@ from feeder_sim.engines.impulse.frame_rows import (
     FrameRows,
 )
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
-from feeder_sim.engines.impulse.state import ABSENT, FREE, Kinds, new_parts
+from feeder_sim.engines.impulse.state import ABSENT, FIXED, FREE, Kinds, new_parts
 from feeder_sim.engines.impulse.surroundings import exactness_of
 from feeder_sim.engines.impulse.window import Drive
 from feeder_sim.engines.protocol import WHOLE, new_interrupt
@@ -58,7 +58,10 @@ class PartsEngine:
         from scipy.spatial.transform import Rotation
 
         poses = start_poses(self._scene, rng)
-        centres, attitudes = rim_walls(self._scene)
+        fixtures, (centres, attitudes) = self._scene.fixtures, rim_walls(self._scene)
+        centres = np.concatenate([np.array([fixture.centre for fixture in fixtures]).reshape(-1, 3), centres])
+        attitudes = np.concatenate([np.array([fixture.attitude for fixture in fixtures]).reshape(-1, 3, 3), attitudes])
+        standing = len(self._scene.kinds) + np.minimum(np.arange(len(centres)), len(fixtures))
         principal = self._scene.principal_attitudes(np.array([pose.quaternion for pose in poses]))
         turned = Rotation.from_quat(principal, scalar_first=True).as_matrix()
         still = np.zeros_like(centres)
@@ -68,10 +71,13 @@ class PartsEngine:
         parts = new_parts(
             np.concatenate([[pose.position for pose in poses], centres]),
             np.concatenate([turned, attitudes]),
-            np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))]),
+            np.concatenate([self._scene.kind_of, standing]),
             np.concatenate([[pose.velocity for pose in poses], still]),
             np.concatenate([momentum, still]),
         )
+        for k, fixture in enumerate(fixtures, len(poses)):
+            parts["offset"][k], parts["orientation"][k] = parts["position"][k], parts["attitude"][k]
+            parts["phase"][k] = FIXED if fixture.moves else FREE
         parts["there"][: len(poses)][[not pose.present for pose in poses]] = ABSENT
         return parts
 

@@ -19,8 +19,9 @@ import math
 from typing import NamedTuple
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.fixed import carry
 from feeder_sim.engines.impulse.free_part.points import touches
-from feeder_sim.engines.impulse.state import FOLLOWING, fly_to
+from feeder_sim.engines.impulse.state import FIXED, FOLLOWING, fly_to
 from feeder_sim.engines.impulse.surface import (
     ACCELERATION,
     HEIGHT,
@@ -62,6 +63,8 @@ def move_to(part, kind, t, surface):
     """Bring a part to time t [s], whatever it does."""
     if part.phase == FOLLOWING:
         _follow(part, kind, t, surface)
+    elif part.phase == FIXED:
+        carry(part, t, surface)
     else:
         fly_to(part, kind, t)
 

@@ -28,7 +28,7 @@ from feeder_sim.engines.impulse.free_part.sustained import CARRIED
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import BETWEEN_PARTS, restitution_at
 from feeder_sim.engines.impulse.joint.forces import press_together
-from feeder_sim.engines.impulse.joint.members import NOTHING, evaluate_pairs, gather_pair, members_of
+from feeder_sim.engines.impulse.joint.members import NOTHING, evaluate_pairs, gather_pair, is_fixture, members_of
 from feeder_sim.engines.impulse.scratch import LATE, of_member
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, FREE, top_speed
 from feeder_sim.engines.impulse.vectors import dot, write_to
@@ -109,7 +109,8 @@ def _strike(n, m, crowd, plate, together):
         together.first_contact[n] = c
         for x in range(m):
             pair = crowd.pairs[crowd.islands.pair[together.pair[x]]]
-            kind = kinds.record[parts[pair.a].kind]
+            fixed = is_fixture(pair.b, crowd)
+            kind = kinds.record[parts[pair.b if fixed else pair.a].kind]
             for y in range(
                 together.first_point[x], min(together.first_point[x + 1], together.first_point[x] + most - c)
             ):
@@ -118,7 +119,9 @@ def _strike(n, m, crowd, plate, together):
                     approaches = True
                     e = restitution_at(kind, BETWEEN_PARTS, approach) if rounds < ROUNDS else 0.0
                     work.contacts.number[RESTITUTION, c] = summed(e, approach)
-                    together.squeezed[together.body[pair.a]] = together.squeezed[together.body[pair.b]] = True
+                    together.squeezed[together.body[pair.a]] = True
+                    if not fixed:
+                        together.squeezed[together.body[pair.b]] = True
                 c += 1
         if not approaches:
             return

@@ -38,13 +38,14 @@ class JointEngine(ImpulseEngine):
         threads: int = 1,
         interrupt: NDArray[np.int64] | None = None,
     ) -> None:
+        threads = 1 if scene.fixtures else threads  # a fixture is at one time only
         super().__init__(scene, rng, threads=threads, interrupt=interrupt)
         self._wall, tolerance = read_walls(scene), self._exact.tolerance
         if tolerance > COARSE:
             impacts = IMPACTS * tolerance
             self._exact = self._exact._replace(impacts=impacts, approach=3.0 * impacts)
-        self._parts = self._parts[: self._n].copy()  # a rim is around each of them
-        self._parts["draws"] = new_streams(rng, self._n)
+        self._parts = self._parts[: self._n + len(scene.fixtures)].copy()  # a rim is around each of them
+        self._parts["draws"][: self._n] = new_streams(rng, self._n)
         self._opened = copied(self._parts)
         n_shapes = scene.surface.n_shapes
         notes = Notes(new_log(1), np.zeros(2), 0.0)

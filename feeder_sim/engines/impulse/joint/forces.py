@@ -35,10 +35,11 @@ from feeder_sim.engines.impulse.free_part.sustained import (
     time_of_forces,
     until_dip,
 )
+from feeder_sim.engines.impulse.joint.members import is_fixture
 from feeder_sim.engines.impulse.joint.pair_after import gather_pair_after
 from feeder_sim.engines.impulse.pairs.separating_axis import BALL, CENTRES, CLOSEST
 from feeder_sim.engines.impulse.scratch import UNRESOLVED, of_member
-from feeder_sim.engines.impulse.state import ASLEEP, FREE, PRESSED, spin_of
+from feeder_sim.engines.impulse.state import ASLEEP, FIXED, FREE, PRESSED, spin_of
 from feeder_sim.engines.impulse.surface import move_surface
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector
 from feeder_sim.machine_code import inlined, uncounted
@@ -68,9 +69,13 @@ def press_together(n, m, t, crowd, plate, together):
             if rises >= NO_LIFT * own:
                 some, lift = True, max(lift, rises)
         shortest = max(shortest, shortest_leap(part, bounds, now.turning))
+    rides = True  # what leans on a fixture that stands does not
     for x in range(m):
         pair = crowd.pairs[crowd.islands.pair[together.pair[x]]]
         usual = min(usual, _time_of_pair(pair, together.origin[x], crowd))
+        if is_fixture(pair.b, crowd) and pair.pressing != 0:  # which carries by itself
+            usual, some, lift = min(usual, bounds.exact.sways / bounds.rate), True, bounds.exact.longest
+            rides = rides and parts[pair.b].phase == FIXED
     time = max(min(usual, lift, until - t), shortest)
     if some:
         for k in range(n):
@@ -94,7 +99,7 @@ def press_together(n, m, t, crowd, plate, together):
             for x in range(3):
                 part.velocity[x] = part.momentum[x] = 0.0
         return t + NEVER, True
-    ends = _ride(n, t, time, until, crowd, plate, together) if sticks else 0.0
+    ends = _ride(n, t, time, until, crowd, plate, together) if sticks and rides else 0.0
     if ends > time:
         return t + ends, True
     ends = time
@@ -163,7 +168,7 @@ def _solve_forces(n, m, t, until, times_of, crowd, plate, together):
     together.first_contact[n] = c
     for x in range(m):
         for y in range(together.first_point[x], min(together.first_point[x + 1], together.first_point[x] + most - c)):
-            gather_pair_after(c, x, y, time, crowd, together)
+            gather_pair_after(c, x, y, t, time, crowd, plate.surface, together)
             if together.gap[x] < -DEEP:
                 contacts.number[TARGET, c] = min(-PARTED * (together.gap[x] + DEEP) / exact.longest, OUT)
             c += 1
@@ -205,6 +210,7 @@ def _apply_forces(n, c, load, time, plate, crowd, together):
         _push(parts[work.member[second]], vector(contacts.vector[ARM_SECOND, i]), impulse, moment, 1.0 / time)
         if first != WORLD:
             _push(parts[work.member[first]], vector(contacts.vector[ARM_FIRST, i]), impulse, moment, -1.0 / time)
+        if i >= together.first_contact[n]:  # of a pair
             continue
         normal = vector(contacts.vector[NORMAL, i])
         along = dot(impulse, normal)
@@ -271,7 +277,7 @@ def _change_forces(n, c, crowd, together):
         for y in range(size):
             matrix[x, y] = 1.0 if x == y else 0.0
     for i in range(c):
-        stiff, rate, rows = _stiff_rows(i, together)
+        stiff, rate, rows = _stiff_rows(i, n, together)
         if stiff == 0.0:
             continue
         for end in range(2):
@@ -287,7 +293,7 @@ def _change_forces(n, c, crowd, together):
     if not solve_equations(matrix, change, size):
         return
     for i in range(c):
-        stiff, rate, rows = _stiff_rows(i, together)
+        stiff, rate, rows = _stiff_rows(i, n, together)
         if stiff == 0.0:
             continue
         f = stiff * rate
@@ -304,7 +310,7 @@ def _change_forces(n, c, crowd, together):
 
 
 @inlined
-def _stiff_rows(i, together):
+def _stiff_rows(i, n, together):
     """Stiffness of contact i, 0 without a load; how the push of the plate changes there; and `_row` of both bodies."""
     work = together.work
     contacts, (first, second) = work.contacts, (work.contacts.body[i, 0], work.contacts.body[i, 1])
@@ -318,7 +324,8 @@ def _stiff_rows(i, together):
         inverse += rows[1][0][x] * rows[1][1][x]
         if first != WORLD:
             inverse += rows[0][0][x] * rows[0][1][x]
-    rate = of_member(second, work).point[work.point_of[i]].push_rate if first == WORLD else 0.0
+    of_plate = first == WORLD and i < together.first_contact[n]
+    rate = of_member(second, work).point[work.point_of[i]].push_rate if of_plate else 0.0
     return (STIFF / inverse if dot(contacts.vector[IMPULSE, i], normal) > 0.0 else 0.0), rate, rows
 
 

@@ -29,6 +29,8 @@ from feeder_sim.engines.impulse.free_part.step import step
 from feeder_sim.engines.impulse.island import EventQueue, all_due, earliest_of, set_due
 from feeder_sim.engines.impulse.joint.component import SLOW, check_component
 from feeder_sim.engines.impulse.joint.pair_bound import pair_bound, release
+from feeder_sim.engines.impulse.joint.members import is_fixture
+from feeder_sim.engines.impulse.pairs.at_fixture import meet_fixture, parting_from_fixture
 from feeder_sim.engines.impulse.pairs.collision import meet, slowest_parting
 from feeder_sim.engines.impulse.pairs.neighbours import Islands
 from feeder_sim.engines.impulse.rest import wake
@@ -64,8 +66,8 @@ def open_plate(drive, start, end):
 @entry_point
 def advance_together(window, plate_opens, parts, loads, kinds, plate, tools, frames):
     """As `advance_islands`; loads: as of `Crowd`. The plate has windows of its own; with this one one may open."""
-    initial, n = window.initial.copy(), window.initial.shape[0]
-    _open_parts(initial, window.start, plate_opens, plate.bounds)
+    initial, n = window.initial.copy(), loads.shape[0]
+    _open_parts(initial, n, window.start, plate_opens, plate.bounds)
     reach = reach_of(initial, n, kinds, plate.bounds, window)
     pairs, islands = find_neighbours(initial, n, kinds, plate.surface, reach, window.pairs)
     crowd = Crowd(parts, borrow(initial), borrow(pairs), kinds, borrow(islands), loads)
@@ -79,14 +81,14 @@ def advance_together(window, plate_opens, parts, loads, kinds, plate, tools, fra
 
 
 @compiled
-def _open_parts(parts, start, plate_opens, bounds):
+def _open_parts(parts, n_free, start, plate_opens, bounds):
     """Wake parts that a plate moves; all are due where a window of the plate opens."""
-    for i in range(parts.shape[0]):
+    for i in range(n_free):
         if plate_opens:
             parts[i].due = start
         if parts[i].there == ASLEEP and not bounds.calm:
             parts[i].there, parts[i].clock, parts[i].due = AWAKE, start, start
-    orthonormalise_parts(parts, parts.shape[0])
+    orthonormalise_parts(parts, n_free)
 
 
 @compiled
@@ -206,22 +208,30 @@ def _check_pair(event, t, queue, crowd, plate, tools, reach):
     due, near = pair_bound(pair, parts, kinds, t, plate)
     if near:
         a, b = parts[pair.a], parts[pair.b]
-        hit, n = meet(pair, parts, kinds, SLOW, tools)
+        fixed = is_fixture(pair.b, crowd)
+        if fixed:
+            hit, n = meet_fixture(pair, parts, kinds, SLOW, tools)
+            parting = parting_from_fixture(pair, parts, kinds, n, tools)
+        else:
+            hit, n = meet(pair, parts, kinds, SLOW, tools)
+            parting = slowest_parting(pair, parts, kinds, n, tools)
         supported = a.phase != FREE or b.phase != FREE or a.there == ASLEEP or b.there == ASLEEP
-        supported = supported or _presses(pair.a, crowd) or _presses(pair.b, crowd)
+        supported = supported or fixed or _presses(pair.a, crowd) or _presses(pair.b, crowd)
         again = hit and t < pair.struck + SOON
-        pressing = again or (n > 0 and supported and slowest_parting(pair, parts, kinds, n, tools) < SLOW)
+        pressing = again or (n > 0 and supported and parting < SLOW)
         if hit:
             pair.repeats, pair.struck = pair.repeats + 1 if t == pair.struck else 0, t
         if hit or pressing:
-            for i in (pair.a, pair.b):
+            for end in range(1 if fixed else 2):
+                i = pair.a if end == 0 else pair.b
                 _wake_with(i, p, t, queue, crowd, plate)
                 release(parts[i])
         due, near = pair_bound(pair, parts, kinds, t, plate)
         if pressing:
             pair.pressing, due = 1, np.inf
         if hit or pressing:
-            for i in (pair.a, pair.b):
+            for end in range(1 if fixed else 2):
+                i = pair.a if end == 0 else pair.b
                 left |= has_left(i, crowd, reach)
                 parts[i].due = t
                 set_due(queue.tree, islands.place[i] - queue.first_part, t)

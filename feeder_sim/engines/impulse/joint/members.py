@@ -14,6 +14,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     TARGET,
     VELOCITY,
 )
+from feeder_sim.engines.impulse.fixed import place_at_fixture
 from feeder_sim.engines.impulse.pairs.collision import check_pair
 from feeder_sim.engines.impulse.pairs.due import SLACK
 from feeder_sim.engines.impulse.scratch import UNRESOLVED
@@ -27,7 +28,7 @@ NOTHING = (0.0, 0.0, 0.0)
 def members_of(i, crowd, together):
     """Find the members of the component of part i, and the pairs that press; returns their numbers."""
     islands, pairs, member = crowd.islands, crowd.pairs, together.work.member
-    n, m, k = 1, 0, 0
+    n, m, k, n_free = 1, 0, 0, crowd.loads.shape[0]
     member[0], together.body[i] = i, 0
     while k < n:
         j = member[k]
@@ -36,7 +37,7 @@ def members_of(i, crowd, together):
             if pair.pressing == 0:
                 continue
             other = pair.b if pair.a == j else pair.a
-            if together.body[other] < 0:
+            if other < n_free and together.body[other] < 0:  # a fixture joins nobody
                 together.body[other] = n
                 member[n] = other
                 n += 1
@@ -70,8 +71,17 @@ def evaluate_pairs(m, crowd, tools):
 
 
 @inlined
+def is_fixture(i, crowd):
+    """Whether part i of a crowd is a fixture; those come behind the free parts."""
+    return i >= crowd.loads.shape[0]
+
+
+@inlined
 def gather_pair(c, x, y, crowd, together):
-    """Make point y of pair x contact c; returns the speed at which its parts approach there [m/s]."""
+    """Make point y of pair x contact c; returns the speed at which its parts approach there [m/s].
+
+    With a fixture the part is the second body, and the normal leads to it.
+    """
     pair, contacts, bodies = (
         crowd.pairs[crowd.islands.pair[together.pair[x]]],
         together.work.contacts,
@@ -80,6 +90,10 @@ def gather_pair(c, x, y, crowd, together):
     a, b = crowd.parts[pair.a], crowd.parts[pair.b]
     first, second = together.body[pair.a], together.body[pair.b]
     arm, normal = vector(together.point[y]), vector(pair.axis)
+    if is_fixture(pair.b, crowd):
+        at_fixture = place_at_fixture(c, arm, normal, a, b, crowd.kinds.record[b.kind], first, contacts)
+        u = plus(bodies.velocity[first], 1.0, cross(bodies.spin[first], arm))
+        return dot(difference(u, at_fixture), normal)
     other = plus(difference(a.position, b.position), 1.0, arm)
     contacts.body[c, 0], contacts.body[c, 1] = first, second
     write_to(contacts.vector[ARM_FIRST, c], arm)

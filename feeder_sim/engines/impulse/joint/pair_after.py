@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 
 from feeder_sim.engines.impulse.contact_problem import ARM_FIRST, ARM_SECOND, NORMAL, VELOCITY
-from feeder_sim.engines.impulse.joint.members import gather_pair
+from feeder_sim.engines.impulse.fixed import motion_at
+from feeder_sim.engines.impulse.joint.members import gather_pair, is_fixture
 from feeder_sim.engines.impulse.pairs.separating_axis import BALL, CENTRES, CLOSEST, EDGES, FACE_OF_FIRST
 from feeder_sim.engines.impulse.vectors import combine, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined, uncounted
@@ -19,17 +20,20 @@ NOTHING = (0.0, 0.0, 0.0)
 
 
 @uncounted
-def gather_pair_after(c, x, y, time, crowd, together):
-    """As `gather_pair`, for forces that last a time [s]."""
+def gather_pair_after(c, x, y, t, time, crowd, surface, together):
+    """As `gather_pair`, for forces from time t on that last a time [s]."""
     gather_pair(c, x, y, crowd, together)
-    if together.origin[x] == CLOSEST:
-        return
     pair, contacts, bodies = (
         crowd.pairs[crowd.islands.pair[together.pair[x]]],
         together.work.contacts,
         together.work.bodies,
     )
     a, b = crowd.parts[pair.a], crowd.parts[pair.b]
+    if is_fixture(pair.b, crowd):
+        _gather_fixture_after(c, x, t, time, crowd, surface, together)
+        return
+    if together.origin[x] == CLOSEST:
+        return
     first, second = together.body[pair.a], together.body[pair.b]
     spins = _mean_spin(first, a, bodies), _mean_spin(second, b, bodies)
     balls = _is_ball(crowd.kinds.piece[pair.piece_a]), _is_ball(crowd.kinds.piece[pair.piece_b])
@@ -51,6 +55,36 @@ def gather_pair_after(c, x, y, time, crowd, together):
     u = difference(u, plus(bodies.velocity[first], 1.0, cross(w_a, end[0])))
     turned = plus(further, dot(difference(end[2], middle[2]), u), middle[2])
     write_to(contacts.vector[VELOCITY, c], plus(NOTHING, -1.0, turned))
+
+
+@uncounted
+def _gather_fixture_after(c, x, t, time, crowd, surface, together):
+    """Contact c of pair x, with a fixture that moves on, as it will be after a time of forces."""
+    pair, origin = crowd.pairs[crowd.islands.pair[together.pair[x]]], together.origin[x]
+    contacts, bodies = together.work.contacts, together.work.bodies
+    a, b = crowd.parts[pair.a], crowd.parts[pair.b]
+    body, arm = contacts.body[c, 1], vector(contacts.vector[ARM_SECOND, c])
+    velocity, spin = motion_at(b, t + time, surface)
+    there = plus(difference(a.position, b.position), 1.0, arm)
+    if origin == CLOSEST:
+        write_to(contacts.vector[VELOCITY, c], plus(velocity, 1.0, cross(spin, there)))
+        return
+    spins = _mean_spin(body, a, bodies), combine(0.5, spin, 0.5, b.momentum, 0.0, NOTHING)
+    closing = difference(combine(0.5, velocity, 0.5, b.velocity, 0.0, NOTHING), a.velocity)
+    balls = _is_ball(crowd.kinds.piece[pair.piece_a]), False
+    motion = difference(b.position, a.position), closing, spins, balls
+    now = arm, there, vector(pair.axis)
+    along = vector(together.along[x, 0]), vector(together.along[x, 1])
+    middle = _after(0.5 * time, origin, now, along, motion)
+    end = _after(time, origin, now, along, motion)
+    w = vector(bodies.spin[body])
+    further = difference(cross(spin, difference(end[1], middle[1])), cross(w, difference(end[0], middle[0])))
+    u = plus(velocity, 1.0, cross(spin, end[1]))
+    u = difference(u, plus(bodies.velocity[body], 1.0, cross(w, end[0])))
+    turned = plus(further, dot(difference(end[2], middle[2]), u), middle[2])
+    write_to(contacts.vector[ARM_SECOND, c], middle[0])
+    write_to(contacts.vector[NORMAL, c], plus(NOTHING, -1.0, middle[2]))
+    write_to(contacts.vector[VELOCITY, c], plus(plus(velocity, 1.0, cross(spin, middle[1])), 1.0, turned))
 
 
 @inlined

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.pairs.due import PAIR
 from feeder_sim.engines.impulse.state import in_pieces, piece_centre
-from feeder_sim.machine_code import compiled
+from feeder_sim.machine_code import compiled, inlined
 
 
 class Islands(NamedTuple):
@@ -151,13 +151,42 @@ def _pairs_of(parts, kinds, a, n_free, room, grid, m, candidates):
                 if b > a and _near(parts, kinds, a, b, room.reach):
                     m = _insert_pieces(parts, kinds, a, b, room.reach, begin, m, candidates)
     reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + room.reach
-    for wall in range(n_free, parts.shape[0]):
-        side = wall - n_free  # walls at +y, -y, +x, -x
+    walls = n_free  # what stands around the plate comes behind the fixtures
+    while walls < parts.shape[0] and not is_wall(parts[walls], kinds):
+        fixture = kinds.record[parts[walls].kind]
+        for piece in range(fixture.piece_from, fixture.piece_to):
+            if _beside(parts[a], parts[walls], kinds.piece[piece], kinds.corners, reach + room.reach):
+                for own in range(kinds.record[parts[a].kind].piece_from, kinds.record[parts[a].kind].piece_to):
+                    m = _insert(candidates, begin, m, a, walls, own, piece)
+        walls += 1
+    for wall in range(walls, parts.shape[0]):
+        side = wall - walls  # walls at +y, -y, +x, -x
         distance = room.half_y if side < 2 else room.half_x
         along = parts[a].position[1] if side < 2 else parts[a].position[0]
         if (along if side % 2 == 0 else -along) + reach > distance:
             m = _insert(candidates, begin, m, a, wall, parts[a].kind, parts[wall].kind)
     return m
+
+
+@inlined
+def is_wall(part, kinds):
+    """Whether what stands is a wall of the rim: flat, without edges."""
+    kind = kinds.record[part.kind]
+    return kind.edge_to == kind.edge_from
+
+
+@compiled
+def _beside(part, fixture, piece, corners, reach):
+    """Whether a part may come to a piece of a fixture, within a reach of its box [m]."""
+    for axis in range(3):
+        low, high, place = np.inf, -np.inf, 0.0
+        for c in range(piece.corner_from, piece.corner_to):
+            low, high = min(low, corners[c, axis]), max(high, corners[c, axis])
+        for k in range(3):
+            place += fixture.attitude[k, axis] * (part.position[k] - fixture.position[k])
+        if place < low - reach or place > high + reach:
+            return False
+    return True
 
 
 @compiled
@@ -214,7 +243,7 @@ def _first_axis(parts, kinds, pair):
     """From centre to centre; to a wall, across it."""
     axis, a, b = pair.axis, parts[pair.a], parts[pair.b]
     size = 0.0
-    if kinds.record[b.kind].mass == np.inf:
+    if kinds.record[b.kind].mass == np.inf and is_wall(b, kinds):
         for k in range(3):
             axis[k] = b.attitude[k, 1]
             size += axis[k] * (b.position[k] - a.position[k])
