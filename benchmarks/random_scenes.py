@@ -1,6 +1,6 @@
 """Random scenes of one free part, and of several: whether every run ends, in time, and mechanics keeps its laws.
 
-    python benchmarks/random_scenes.py [--scenes 5000] [--kinds edge,hole] [--first 0] [--failing FOLDER]
+    python benchmarks/random_scenes.py [--scenes 5000] [--kinds edge,hole] [--first 0] [--failing FOLDER] [--law L]
 
 Prints a row for each kind of scene, and every scene that fails; it is written as a scenario file that anyone can run.
 What must hold, and what the kinds are: tests/judged_scenes.py. Kinds of tests/judged_crowds.py, for several parts, and
@@ -31,12 +31,12 @@ AT_ONCE = 20  # scenes that a worker takes
 HEAD = "kind          scenes  refused  failed  late contacts  budgets spent  unresolved  s per s: median   99 %   worst"
 
 
-def several(kind: str, first: int, last: int) -> list[tuple[int, Finding | None]]:
+def several(kind: str, first: int, last: int, law: str) -> list[tuple[int, Finding | None]]:
     """What is found in scenes from one number to before another."""
     found, scenes = [], ASKED_FOR.get(kind, judged_scenes)
     for seed in range(first, last):
         try:
-            found.append((seed, scenes.judged(kind, seed)))
+            found.append((seed, scenes.judged(kind, seed, law)))
         except Exception as error:  # of an engine that breaks down; the others go on
             found.append((seed, Finding(scenes.scene(kind, seed), (f"{type(error).__name__}: {error}",), 0.0)))
     return found
@@ -47,6 +47,7 @@ def main(
     kinds: Annotated[str, typer.Option(help="separated by commas")] = ",".join(ALL),
     first: Annotated[int, typer.Option(help="number of the first scene")] = 0,
     failing: Annotated[Path | None, typer.Option(help="folder for the scenes that fail")] = None,
+    law: Annotated[str, typer.Option(help="contact.law of all of them")] = "newton",
     workers: Annotated[int, typer.Option()] = os.cpu_count() or 1,
 ) -> None:
     import tomli_w
@@ -56,7 +57,7 @@ def main(
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         for kind in kinds.split(","):
             pieces = [(n, min(n + AT_ONCE, first + scenes)) for n in range(first, first + scenes, AT_ONCE)]
-            futures = [pool.submit(several, kind, *piece) for piece in pieces]
+            futures = [pool.submit(several, kind, *piece, law) for piece in pieces]
             run: list[Finding] = []
             refused = failed = 0
             for future in futures:

@@ -1,11 +1,11 @@
-"""What other packages add: shapes of parts, measures and engines, by the entry points that they declare.
+"""What other packages add: shapes of parts, measures, engines and laws of impact, by their entry points.
 
     [project.entry-points."feeder_sim.parts"]
     ring = "my_package:Ring"
 
 Groups: `feeder_sim.parts` (a subclass of `feeder_sim.scenario.part.PartTable`), `feeder_sim.measures` (a `Measure`, or
-a function of a prepared scenario and a seed) and `feeder_sim.engines` (a class with the methods of `Engine`). One is
-imported when it is used for the first time.
+a function of a prepared scenario and a seed), `feeder_sim.laws` (of impact: a function that numba compiles) and
+`feeder_sim.engines` (a class with the methods of `Engine`). One is imported when it is used for the first time.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from feeder_sim.errors import InputError
+
+GROUPS = ("parts", "measures", "engines", "laws")
 
 
 @functools.cache
@@ -49,5 +51,5 @@ def all_of(group: str) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Packages that add something, with their versions: results depend on them."""
-    entries = [entry for group in ("parts", "measures", "engines") for entry in _declared(group).values()]
+    entries = [entry for group in GROUPS for entry in _declared(group).values()]
     return {entry.dist.name: entry.dist.version for entry in entries if entry.dist is not None}

@@ -67,9 +67,10 @@ def scene(kind: str, seed: int) -> Raw:
     return {"title": f"Random scene {seed}, {kind}", "contact": contact} | raw
 
 
-def judged(kind: str, seed: int) -> Finding | None:
-    """Run a scene and look at what came out; None where the scene is refused."""
+def judged(kind: str, seed: int, law: str = "newton") -> Finding | None:
+    """Run a scene by a law of impact and look at what came out; None where the scene is refused."""
     raw = scene(kind, seed)
+    raw["contact"]["law"] = law
     if kind == "shaken":
         return looked_at(raw, f"{kind}_{seed}", _shaken_apart)
     if kind == "refill":

@@ -85,9 +85,10 @@ def scene(kind: str, seed: int) -> Raw:
     return raw | ({"schedule" if isinstance(drive, dict) else "drive": drive} if drive else {})
 
 
-def judged(kind: str, seed: int) -> Finding | None:
-    """Run a scene and look at what came out; None where the scene is refused."""
-    return looked_at(scene(kind, seed), f"{kind}_{seed}")
+def judged(kind: str, seed: int, law: str = "newton") -> Finding | None:
+    """Run a scene by a law of impact and look at what came out; None where the scene is refused."""
+    raw = scene(kind, seed)
+    return looked_at(raw | {"contact": raw["contact"] | {"law": law}}, f"{kind}_{seed}")
 
 
 def nothing_more(scene: Scene, frames: Frames) -> list[str]:

@@ -28,9 +28,11 @@ SHAPES = ("ball", "cylinder", "hex_nut", "box", "mesh")
 IN_WALL, IN_PLATE = 1e-6, 1e-7  # [m]
 
 
-def judged(kind: str, seed: int) -> Finding | None:
-    """Run a scene and look at what came out; None where the scene is refused."""
-    return looked_at(scene(kind, seed), kind, _in_tube if kind == "tube" else _in_rim)
+def judged(kind: str, seed: int, law: str = "newton") -> Finding | None:
+    """Run a scene by a law of impact and look at what came out; None where the scene is refused."""
+    raw = scene(kind, seed)
+    raw["contact"] = raw.get("contact", {}) | {"law": law}
+    return looked_at(raw, kind, _in_tube if kind == "tube" else _in_rim)
 
 
 def scene(kind: str, seed: int) -> Raw:

@@ -25,13 +25,12 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from arguments import new_file
 from numpy.typing import NDArray
 from single_impacts import after_impacts
-from vertex_impacts import poisson_impulse
 
 from feeder_sim.document.figure import empty_figure
 from feeder_sim.errors import InputError
@@ -120,11 +119,22 @@ def newton(
     impacts: EllipseImpacts, e: float | Vector, mu: float, inverse_inertia: float = INVERSE_INERTIA
 ) -> NDArray[np.float64]:
     """Changes of velocity (n, 3) by Newton's restitution and Coulomb's cone, from the engine's compiled function."""
+    return _by_engine(impacts, e, mu, inverse_inertia, poisson=False)
+
+
+def poisson(impacts: EllipseImpacts, e: float, mu: float) -> Vector:
+    """As `newton`, by Poisson's restitution: the normal impulse of restitution is e times that of compression."""
+    return _by_engine(impacts, e, mu, INVERSE_INERTIA, poisson=True)
+
+
+def _by_engine(
+    impacts: EllipseImpacts, e: float | Vector, mu: float, inverse_inertia: float, *, poisson: bool
+) -> NDArray[np.float64]:
     n, arm = len(impacts.theta), np.zeros((len(impacts.theta), 3))
     velocity, spin = np.zeros((n, 3)), np.zeros((n, 3))
     velocity[:, :2], spin[:, 2], arm[:, :2] = impacts.before[:, :2], impacts.before[:, 2], impacts.arm
     up = np.array([0.0, 1.0, 0.0])
-    v, w = after_impacts(velocity, spin, arm, up, inverse_inertia, np.broadcast_to(e, n), mu)
+    v, w = after_impacts(velocity, spin, arm, up, inverse_inertia, np.broadcast_to(e, n), mu, poisson=poisson)
     return np.stack([v[:, 0], v[:, 1], w[:, 2]], axis=1) - impacts.before
 
 
@@ -148,13 +158,6 @@ def newton_with_tangential(impacts: EllipseImpacts, e: float, mu: float, beta: f
     determinant = tt * nn - tn**2
     pressed = np.where(slips, r_n / (nn + side * mu * tn), p_n / determinant)
     return _change(impacts, np.where(slips, side * mu * pressed, p_t / determinant), pressed)
-
-
-def poisson(impacts: EllipseImpacts, e: float, mu: float) -> Vector:
-    """Poisson's restitution: the normal impulse of restitution is e times that of compression."""
-    rows, impulse_of = zip(*mobility(impacts), *impacts.at_contact.T, strict=True), cast(Any, poisson_impulse).py_func
-    impulse = np.array([impulse_of(u_t, u_n, (tt, nn, -tn), mu, e) for tt, tn, nn, u_t, u_n in rows])
-    return _change(impacts, impulse[:, 0], impulse[:, 1])
 
 
 def mobility(impacts: EllipseImpacts) -> tuple[Vector, Vector, Vector]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.single_impact import resolve_free
-from feeder_sim.engines.impulse.state import new_parts
+from feeder_sim.engines.impulse.impact_law import hit_plate
+from feeder_sim.engines.impulse.state import POISSON_FIELDS, kind_type, new_parts
 from feeder_sim.engines.impulse.vectors import vector
 from feeder_sim.machine_code import entry_point
 
@@ -19,12 +19,14 @@ def after_impacts(
     inverse_inertia: float,
     restitution: NDArray[np.float64],
     friction: float,
+    *,
+    poisson: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Velocities and angular velocities (n, 3) of a body after n impacts, by `resolve_free`.
+    """Velocities and angular velocities (n, 3) of a body after n impacts, by the law of the engine.
 
     velocity: (n, 3) [m/s]; spin: angular velocities (n, 3) [rad/s]; arm: ways from the centre of mass to the point
     (n, 3) [m]; normal: of the surface (3,); inverse_inertia: mass over moment of inertia, which is the same about every
-    axis [1/m^2]; restitution: (n,) [1]; friction: [1].
+    axis [1/m^2]; restitution: (n,) [1]; friction: [1]; poisson: by Poisson's law in place of Newton's.
 
     Raises:
         ArithmeticError: an impact that the direct solution does not cover.
@@ -33,16 +35,18 @@ def after_impacts(
     parts = new_parts(np.zeros((n, 3)), np.eye(3), np.zeros(n, np.int64), velocity)  # of unit mass
     parts["momentum"] = spin / inverse_inertia
     arm, normal, restitution = (np.ascontiguousarray(array, dtype=float) for array in (arm, normal, restitution))
-    if not _resolve_each(parts, inverse_inertia, arm, normal, restitution, float(friction)):
+    kind = np.zeros(1, kind_type(POISSON_FIELDS if poisson else ()))
+    if not _resolve_each(parts, kind, inverse_inertia, arm, normal, restitution, float(friction)):
         raise ArithmeticError("an impact has no direct solution")
     return parts["velocity"], parts["momentum"] * inverse_inertia
 
 
 @entry_point
-def _resolve_each(parts, inverse_inertia, arm, normal, restitution, friction):
+def _resolve_each(parts, kind, inverse_inertia, arm, normal, restitution, friction):
     """Impact of every part, of unit mass, on a surface at rest; returns whether all of them are solved."""
     turns, still = (inverse_inertia, 0.0, 0.0, inverse_inertia, 0.0, inverse_inertia), (0.0, 0.0, 0.0)
     for i in range(parts.shape[0]):
-        if not resolve_free(parts[i], 1.0, turns, vector(arm[i]), vector(normal), still, restitution[i], friction):
+        law = restitution[i], friction
+        if not hit_plate(parts[i], kind[0], 1.0, turns, vector(arm[i]), vector(normal), still, law):
             return False
     return True

@@ -12,7 +12,7 @@ from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.records.files import SCENE
 from feeder_sim.scenario import load_scenario
-from feeder_sim.scenario.run import ENGINES
+from feeder_sim.scenario.run import ENGINES, LAWS
 from feeder_sim.scenario.shapes import SHAPES
 from feeder_sim.scenario.tables import read_text
 
@@ -35,6 +35,7 @@ def catalogue(folder: Path) -> dict[str, dict[str, str]]:
         "mode files": {str(path.relative_to(folder)): text for path, text in mode_files.items()},
         "mode files of examples": {str(path): _modes(path) for path in more if path.resolve() not in resolved},
         "engines": {name: text for name, text in ENGINES.items() if name != "auto"} | _added("engines"),
+        "laws of impact": LAWS | _added("laws"),
         "parts": {name: table.sizes for name, table in SHAPES.items()} | _added("parts"),
         "materials": {name: f"{m.density:g} kg/m3, {m.youngs_modulus / 1e9:g} GPa" for name, m in MATERIALS.items()},
     }

@@ -35,6 +35,7 @@ from numba.core.callconv import CPUCallConv
 
 from feeder_sim.machine_code import jit
 from feeder_sim.machine_code.flat import Kind
+from feeder_sim.machine_code.functions import FOREIGN
 from feeder_sim.machine_code.key import base_folder, key_of
 from feeder_sim.machine_code.library import FOLDER, RELEASE, file_hash, kind_from, kind_to
 
@@ -127,7 +128,7 @@ Row = tuple[str, str, list[Any]]  # module and name of an entry point, text and 
 
 
 def noted_variants() -> dict[str, Row]:
-    """Variants that were compiled on this machine from the present sources, by name."""
+    """Variants that were compiled on this machine from the present sources alone, by name."""
     rows = {}
     for file in (base_folder() / "machine_code").glob("*/*.variant"):
         stem, module, key = file.name.removesuffix(".variant").rsplit("-", 2)
@@ -139,7 +140,7 @@ def noted_variants() -> dict[str, Row]:
             variant = variant_of(row)
         except jit.DAMAGED:
             continue
-        if key_of(variant.entry) == key:
+        if key_of(variant.entry) == key and FOREIGN not in text:
             rows[variant.name] = row
     return rows
 

@@ -13,6 +13,8 @@ OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # n
 INNER = OPTIONS | {"no_cpython_wrapper": True, "forceinline": False}
 COMPILED = [0]  # inner functions in this process, also those that a killed one has left, for who waits for it
 OVERLOADS: dict[Any, list[tuple[Any, dict[str, Any]]]] = {}  # of a function, by the types of its arguments
+# How names of fields of records begin that stand for functions of other packages: libraries hold no code of those.
+FOREIGN = "own_law_"
 F = TypeVar("F", bound=Callable[..., Any])
 
 

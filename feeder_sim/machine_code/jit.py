@@ -120,15 +120,23 @@ def _returned(variant: Variant, inner_function: Inner) -> Kind:
         stored = pickle.loads(place.read_bytes())
         if isinstance(stored[-1], Kind):
             return stored[-1]
-    register_overloads()
-    signature = tuple(map(type_of, variant.arguments))
-    dispatcher_of(inner_function).compile(signature)
-    kind = _kind_of(dispatcher_of(inner_function).overloads[signature].signature.return_type)
+    kind = returned_by(inner_function, variant.arguments)
     with contextlib.suppress(OSError, AttributeError, pickle.PicklingError):  # of a class within a function
         partial = place.with_name(f"{place.name}.{os.getpid()}")
         partial.write_bytes(pickle.dumps((variant.text, variant.arguments, kind)))
         partial.replace(place)
     return kind
+
+
+def returned_by(function: Inner, arguments: tuple[Kind, ...]) -> Kind:
+    """What a function that only compiled functions call returns for arguments of such types; it is compiled for them.
+
+    Raises:
+        NumbaError: it cannot be.
+    """
+    signature, dispatcher = tuple(map(type_of, arguments)), dispatcher_of(function)
+    dispatcher.compile(signature)
+    return _kind_of(dispatcher.overloads[signature].signature.return_type)
 
 
 def type_of(kind: Kind) -> Any:

@@ -288,9 +288,10 @@ def _restitution(contact: Contact) -> float:
     """Coefficient of restitution [1].
 
     For a spring-damper with the damping ratio zeta it is exp(-pi zeta / sqrt(1 - zeta^2)): the ratio of the speeds of
-    a free linear oscillation half a period apart. One that depends on the speed may come to 1 at slow impacts.
+    a free linear oscillation half a period apart. One that depends on the speed may come to 1 at slow impacts, and a
+    law other than Newton's at impacts off the centre.
     """
-    if contact.restitution == "zener" or contact.restitution_exponent:
+    if contact.restitution == "zener" or contact.restitution_exponent or contact.law != "newton":
         return 1.0
     if contact.time_constant_us is None:
         return contact.restitution

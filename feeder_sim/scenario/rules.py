@@ -21,7 +21,7 @@ from feeder_sim import extensions
 from feeder_sim.scenario.engine_choice import choose_engine, needs_steps
 from feeder_sim.scenario.part import MAX_PARTS, Placed, Start
 from feeder_sim.scenario.plate import PLATE_LEVELS, TRAY_LEVELS
-from feeder_sim.scenario.run import Contact, MujocoSettings
+from feeder_sim.scenario.run import LAWS, Contact, MujocoSettings
 from feeder_sim.scenario.shown import differs
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ MIN_STEPS_PER_PERIOD = 20
 # A compliant contact (MuJoCo's solref = "T zeta") with a time constant T of fewer steps is unstable.
 MIN_STEPS_PER_TIME_CONSTANT = 5.0
 FEW_ITERATIONS = 5  # of MuJoCo's solver; fewer do not resolve contacts of several corners
+OF_OURS = " or ".join(f'"{name}"' for name in LAWS)
 NOISES = f"0 or the default {Contact().noise_m_s:g}"
 
 Broken = Iterator[tuple[str, str] | str]  # keys, each with what is allowed, or what it does; or whole sentences
@@ -203,7 +204,17 @@ def _laws_of_impact(s: Scenario) -> Broken:
     if contact.restitution_exponent and s.guide is not None and s.guide.kind == "slide":
         why = "its chatter is summed with one restitution"
         yield "contact.restitution_exponent", f'0 with part[0].guide.kind = "slide": {why}'
+    if contact.law != "newton" and s.guide is not None and s.guide.kind == "slide":
+        why = "along one line all laws of restitution are the same"
+        yield "contact.law", f'"newton" with part[0].guide.kind = "slide": {why}'
+    if contact.law not in LAWS:
+        if s.run.reaction:
+            yield "contact.law", f"{OF_OURS} with run.reaction = true"
+        if contact.rolling_friction_um:
+            yield "contact.law", f"{OF_OURS} with contact.rolling_friction_um, a moment that it does not know"
     if contact.tangential_restitution is not None:
+        if contact.law != "newton":
+            yield "contact.tangential_restitution", f'none with contact.law = "{contact.law}"'
         uneven = [i for i, part in enumerate(s.part) if len(set(part.inertia_g_mm2 or ())) > 1]
         if on_balls:
             yield "contact.tangential_restitution", f"none {on_balls}"
@@ -290,6 +301,8 @@ def _in_mujoco(s: Scenario) -> Broken:
         yield "contact.restitution_exponent", f"0 {before}"
     if contact.restitution == "zener":
         yield "contact.restitution", f"a number {before}"
+    if contact.law != "newton":
+        yield "contact.law", '"newton" in MuJoCo, whose contacts know no impulse of compression'
     if contact.tangential_restitution is not None:
         yield "contact.tangential_restitution", "none in MuJoCo, which has no such law"
     if contact.rolling_friction_um:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema, model_validator
@@ -14,9 +15,29 @@ ENGINES = {
     "impulse": "rigid contact by impulses, flight in closed form; exact on a slide",
     "mujoco": "rigid-body contact by MuJoCo's own solver",
 }
+LAWS = {
+    "newton": "of restitution: the normal velocity after an impact is -e times that before",
+    "poisson": "of restitution: e times the impulse of compression once more",
+}
 STEPS_PER_PERIOD = 40  # of a method that has steps, where the scenario does not say
 
 Share = Annotated[float, Field(ge=0, le=1, strict=True)]
+
+
+def _named(name: str, own: Iterable[str], group: str) -> str:
+    """A name of ours, or one that another package adds to a group."""
+    allowed = (*own, *extensions.names_of(group))
+    if name not in allowed:
+        raise ValueError(f"must be {', '.join(map(repr, allowed[:-1]))} or {allowed[-1]!r}")
+    return name
+
+
+def _law(name: str) -> str:
+    return _named(name, LAWS, "laws")
+
+
+def _engine(name: str) -> str:
+    return _named(name, ENGINES, "engines")
 
 
 def _share_or_zener(value: Any) -> Any:
@@ -37,13 +58,15 @@ class Contact(Table):
 
     `model = "restitution"` reverses the normal velocity within one step (Newton); "compliant" is MuJoCo's
     spring-damper contact with a time constant, and has no coefficient of restitution. The impulse engine has laws
-    beyond one number ([Physics](physics.md#laws-of-impact)): a restitution that falls with the speed of the impact
-    (`restitution_exponent`), that of balls by Zener's theory, and a tangential one of balls. Impacts on a slide, and
-    those without a step (`run.tolerance_nm`), scatter by `noise_m_s`, so that no part follows a periodic motion that a
-    real one would leave; 0 is for closed forms.
+    beyond one number ([Physics](physics.md#laws-of-impact)): Poisson's in place of Newton's, or a law of another
+    package (`law`), a restitution that falls with the speed of the impact (`restitution_exponent`), that of balls by
+    Zener's theory, and a tangential one of balls. Impacts on a slide, and those without a step (`run.tolerance_nm`),
+    scatter by `noise_m_s`, so that no part follows a periodic motion that a real one would leave; 0 is for closed
+    forms.
     """
 
     model: Literal["restitution", "compliant"] = "restitution"
+    law: Annotated[str, AfterValidator(_law), WithJsonSchema({"enum": list(LAWS), "type": "string"})] = "newton"
     restitution: Annotated[
         Share | Literal["zener"], PlainValidator(_share_or_zener, json_schema_input_type=Share | Literal["zener"])
     ] = 0.2
@@ -105,14 +128,6 @@ class MujocoSettings(Table):
     impedance: Literal["hard", "default"] = "hard"
     tolerance: Literal["scaled", "default"] = "scaled"
     refsafe: Flag = True
-
-
-def _engine(name: str) -> str:
-    """An engine of ours, or of another package."""
-    allowed = (*ENGINES, *extensions.names_of("engines"))
-    if name not in allowed:
-        raise ValueError(f"must be {', '.join(map(repr, allowed[:-1]))} or {allowed[-1]!r}")
-    return name
 
 
 class Run(Table):

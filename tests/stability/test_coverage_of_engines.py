@@ -42,6 +42,7 @@ EXACT: Raw = {"run.tolerance_nm": 0.1}
 EXPONENT: Raw = {"contact.restitution": 0.3, "contact.restitution_exponent": 0.2}
 TANGENTIAL: Raw = {"contact.tangential_restitution": 0.3}
 ROLLING: Raw = {"contact.rolling_friction_um": 5.0}
+POISSON: Raw = {"contact.law": "poisson"}
 ZENER: Raw = {"contact.restitution": "zener"}
 IN_MUJOCO: Raw = {"run.engine": "mujoco"}
 IN_A_TUBE: Raw = {"part[0].guide": TUBE}
@@ -153,6 +154,13 @@ def test_every_setting_of_mujoco_is_tried_with_another_value() -> None:
         (TANGENTIAL | {"part": [NUT]}, 'must be none with part[0].shape = "hex_nut"'),
         (TANGENTIAL | IN_A_TUBE, "must be none with part[0].guide"),
         (TANGENTIAL | IN_A_PLANE, "must be none with run.planar = true"),
+        (POISSON | IN_MUJOCO, 'contact.law is "poisson", must be "newton" in MuJoCo'),
+        (
+            POISSON | {"part[0].guide": SLIDE},
+            'contact.law is "poisson", must be "newton" with part[0].guide.kind = "slide"',
+        ),
+        (POISSON | TANGENTIAL, 'must be none with contact.law = "poisson"'),
+        ({"contact.law": "stronge"}, "contact.law: is 'stronge', must be 'newton' or 'poisson'"),
         (ROLLING | IN_MUJOCO, "contact.rolling_friction_um is 5, must be 0 in MuJoCo"),
         (ROLLING | TANGENTIAL, "contact.rolling_friction_um is 5, must be 0 with contact.tangential"),
         (ROLLING | {"part[0].guide": SLIDE}, "contact.rolling_friction_um is 5, must be 0 with part[0].guide"),

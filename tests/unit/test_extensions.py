@@ -31,6 +31,7 @@ version = "1.0"
 "feeder_sim.parts" = { plank = "planks:Plank", broken = "planks:Missing" }
 "feeder_sim.measures" = { highest_mm = "planks:highest" }
 "feeder_sim.engines" = { slow = "planks:Slow" }
+"feeder_sim.laws" = { smooth = "planks:smooth", wrong = "planks:wrong", short = "planks:short", none = "planks:none" }
 """,
     "planks.py": '''\
 from typing import Literal
@@ -55,6 +56,17 @@ def no_rim(scenario):
 
 class Slow(ImpulseEngine):
     rules = {"refused": (no_rim,)}
+
+def smooth(k, u, e, mu):
+    return 0.0, 0.0, -(1.0 + e) * u[2] / k[5]
+
+def wrong(k, u, e, mu):
+    return u.normal
+
+def short(k, u, e, mu):
+    return e
+
+none = None
 ''',
 }
 SCENARIO = """\
@@ -111,6 +123,42 @@ def test_what_is_wrong_with_it_is_one_line(planks: Path, tmp_path: Path, old: st
     checked = feeder_sim_with(planks, tmp_path, "check", "mine.toml")
     assert (checked.returncode, checked.stderr.count("\n")) == (2, 1)
     assert key in checked.stderr
+
+
+THROWN = """\
+plate = { kind = "still" }
+part = [{ shape = "box", size_mm = [4.0, 3.0, 2.0], start = { kind = "state", position_mm = [0.0, 0.0, 6.0], \
+velocity_mm_s = [50.0, 0.0, 0.0], quaternion = [0.9, 0.3, 0.3, 0.1] } }]
+contact = { restitution = 0.5, friction = 0.4, law = "smooth" }
+run = { duration_s = 0.06, seeds = 1 }
+"""
+
+
+@pytest.mark.slow  # compiles the engine
+def test_a_package_adds_a_law_of_impact(planks: Path, tmp_path: Path) -> None:
+    """Without friction nothing acts along the plate."""
+    (tmp_path / "mine.toml").write_text(THROWN)
+    run = feeder_sim_with(planks, tmp_path, "run", "mine.toml", "--out", "thrown")
+    assert run.returncode == 0, run.stderr
+    frames = feeder_sim.open(tmp_path / "thrown").seeds[0].frames
+    assert frames.position[-1, 0, 2] < 3e-3
+    assert frames.velocity[:, 0, 0] == pytest.approx(0.05, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("law", "problem"),
+    [
+        ("wrong", "feeder_sim.laws: wrong: cannot be compiled: Unknown attribute 'normal'"),
+        ("short", "feeder_sim.laws: short: returns something else, must be an impulse: a tuple of three floats"),
+        ("none", "feeder_sim.laws: none: is NoneType, must be a function of k, u, e, mu"),
+        ("rough", "must be 'newton', 'poisson', 'none', 'short', 'smooth' or 'wrong'"),
+    ],
+)
+def test_what_is_wrong_with_a_law_is_one_line(planks: Path, tmp_path: Path, law: str, problem: str) -> None:
+    (tmp_path / "mine.toml").write_text(THROWN.replace("smooth", law))
+    run = feeder_sim_with(planks, tmp_path, "run", "mine.toml", "--out", "thrown")
+    assert run.returncode == 2
+    assert problem in run.stderr.splitlines()[-1]  # before it that there is no scene.xml of MuJoCo's
 
 
 def highest_mm(prepared: Prepared, seed: Seed) -> float:

@@ -28,7 +28,7 @@ from feeder_sim.engines.impulse.contact_problem import (
 
 solve = from_python(contact_problem.solve)
 impact = from_python(contact_problem.impact)
-lay_out = from_python(contact_problem._lay_out)
+lay_out = from_python(contact_problem.lay_out)
 sweeps_settle = from_python(contact_problem._sweeps_settle)
 impulse_at_point = from_python(single_impact.impulse_at_point)
 tangents = from_python(single_impact.tangents)

@@ -18,6 +18,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse import impact_law
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
+from feeder_sim.engines.impulse.state import TANGENTIAL_FIELDS, kind_type
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.zener import (
@@ -35,7 +36,7 @@ from feeder_sim.scenario import Ball, Contact, Drive, ModePlate, RigidPlate, Run
 from feeder_sim.scene.part import zener_inelasticities
 from feeder_sim.scene.scene import Scene, build_scene
 
-resolve_ball = from_python(impact_law.resolve_ball)
+push_off_plate = from_python(impact_law.push_off_plate)
 RADIUS, MASS = 1.5e-3, 1.1e-4
 INERTIA = 0.4 * MASS * RADIUS**2
 STEEL, ALUMINIUM = MATERIALS["steel"], MATERIALS["aluminium"]
@@ -54,8 +55,10 @@ def test_ball_leaves_by_three_constants(seed: int, e: float, mu: float, beta: fl
     momentum = INERTIA * spin
     before, inverse = velocity + np.cross(spin, arm) - moves, symmetric(np.eye(3) / INERTIA)
     energy = MASS * ((velocity - moves) ** 2).sum() + INERTIA * (spin**2).sum()
+    kind = np.zeros(1, kind_type(TANGENTIAL_FIELDS))[0]
     with moving_part(velocity, momentum) as part:
-        resolve_ball(part, 1.0 / MASS, inverse, tuple(arm), tuple(normal), tuple(moves), (e, mu, beta))
+        kind["tangential_restitution"] = beta
+        push_off_plate(part, kind, 1.0 / MASS, inverse, tuple(arm), tuple(normal), tuple(moves), (e, mu))
     after = velocity + np.cross(momentum / INERTIA, arm) - moves
     assert after @ normal == pytest.approx(-e * (before @ normal), abs=1e-12)
     slip, left = (u - (u @ normal) * normal for u in (before, after))

@@ -35,7 +35,7 @@ from feeder_sim.machine_code import inlined, uncounted
 A, B, N = range(3)  # directions at a contact: two tangents and the normal; then the tangents again, of spin
 DIRECTIONS, FORCES = 5, 3
 SECOND, OTHER, WIDTH, COUNT = range(4)  # of Room.place
-IMPULSES, BEFORE, KNOWN, RATE, ACROSS, GAP, BEST, LIMIT, ROUND = range(9)  # of Room.value
+IMPULSES, BEFORE, KNOWN, RATE, ACROSS, GAP, BEST, LIMIT, ROUND, EARLIER = range(10)  # of Room.value
 SLIDES, ROLLS = range(2)  # of Room.limit
 START, NOW, STEP = range(3)  # of Room.motion
 
@@ -66,11 +66,12 @@ class Room(NamedTuple):
 
     rows: what it is in each direction at a contact; push: what an impulse in that direction does to it; both (n,
     DIRECTIONS, width), of the second body and then of the first, or of the modes. place (n, 4): where in the motion
-    these begin, the width of the latter, the number of directions. value (9, n, DIRECTIONS): IMPULSES; relative
+    these begin, the width of the latter, the number of directions. value (10, n, DIRECTIONS): IMPULSES; relative
     velocity BEFORE; KNOWN: that of the world, negative; RATE: effective inverse mass; ACROSS: its largest, of both
-    tangents (A) and of both spins (FORCES); GAP and BEST: impulses on the way; LIMIT, ROUND: of limited_friction.py.
-    limit (n, 2): tangential impulse and moment, as shares of the normal impulse. target (n,) [m/s]. law (n,
-    DIRECTIONS, DIRECTIONS): by how much impulses fall when velocities rise. motion: (3, all); matrix: (all, all).
+    tangents (A) and of both spins (FORCES); GAP and BEST: impulses on the way; LIMIT, ROUND: of limited_friction.py;
+    EARLIER: of poisson.py. limit (n, 2): tangential impulse and moment, as shares of the normal impulse. target (n,)
+    [m/s]. law (n, DIRECTIONS, DIRECTIONS): by how much impulses fall when velocities rise. motion: (3, all); matrix:
+    (all, all).
     """
 
     rows: NDArray[np.float64]
@@ -98,7 +99,7 @@ def place_of(room, i, which):
 
 
 @inlined
-def _coupling(room, i, k, m):
+def coupling(room, i, k, m):
     total = 0.0
     for x in range(6 + place_of(room, i, WIDTH)):
         total += room.rows[i, k, x] * room.push[i, m, x]
@@ -118,7 +119,7 @@ def along(room, i, k, which):
 
 
 @inlined
-def _push(room, i, k, p, which):
+def push_along(room, i, k, p, which):
     """Change a motion by an impulse p in direction k at contact i."""
     second, other = place_of(room, i, SECOND), place_of(room, i, OTHER)
     for x in range(6):
@@ -135,10 +136,10 @@ def begin(room, n, size):
     for i in range(n):
         for k in range(place_of(room, i, COUNT)):
             room.value[BEFORE, i, k] = relative(room, i, k)
-            room.value[RATE, i, k] = _coupling(room, i, k, k)
+            room.value[RATE, i, k] = coupling(room, i, k, k)
         for k in range(0, place_of(room, i, COUNT), FORCES):
             s, t = room.value[RATE, i, k], room.value[RATE, i, k + 1]
-            room.value[ACROSS, i, k] = 0.5 * (s + t) + length(0.5 * (s - t), _coupling(room, i, k, k + 1))
+            room.value[ACROSS, i, k] = 0.5 * (s + t) + length(0.5 * (s - t), coupling(room, i, k, k + 1))
 
 
 @inlined
@@ -156,7 +157,7 @@ def make_motion(room, n, size):
     for i in range(n):
         for k in range(place_of(room, i, COUNT)):
             if room.value[IMPULSES, i, k] != 0.0:
-                _push(room, i, k, room.value[IMPULSES, i, k], NOW)
+                push_along(room, i, k, room.value[IMPULSES, i, k], NOW)
 
 
 @uncounted
@@ -475,7 +476,7 @@ def newton_step(room, n, size):
         count, width = place_of(room, i, COUNT), 6 + place_of(room, i, WIDTH)
         for k in range(count):
             if room.value[GAP, i, k] != 0.0:
-                _push(room, i, k, room.value[GAP, i, k], STEP)
+                push_along(room, i, k, room.value[GAP, i, k], STEP)
         if not _yields(room, i):
             continue
         second, other, far = place_of(room, i, SECOND), place_of(room, i, OTHER), place_of(room, i, WIDTH)
@@ -578,15 +579,15 @@ def _sweep(room, n):
     for i in range(n):
         p, last, rate = room.value[IMPULSES, i], room.value[IMPULSES, i, N], room.value[RATE, i]
         p[N] = max(0.0, last - (relative(room, i, N) - room.target[i]) / rate[N])
-        _push(room, i, N, p[N] - last, NOW)
+        push_along(room, i, N, p[N] - last, NOW)
         most = max(most, abs(p[N] - last) * rate[N])
         for k in range(0, place_of(room, i, COUNT), FORCES):
             r = 1.0 / room.value[ACROSS, i, k]
             last_s, last_t = p[k], p[k + 1]
             p[k], p[k + 1] = last_s - r * relative(room, i, k), last_t - r * relative(room, i, k + 1)
             _keep_in_disc(p, k, room.limit[i, k // FORCES] * p[N])
-            _push(room, i, k, p[k] - last_s, NOW)
-            _push(room, i, k + 1, p[k + 1] - last_t, NOW)
+            push_along(room, i, k, p[k] - last_s, NOW)
+            push_along(room, i, k + 1, p[k + 1] - last_t, NOW)
             share = 1.0 / r if k == A else math.sqrt(rate[N] / r)
             most = max(most, max(abs(p[k] - last_s), abs(p[k + 1] - last_t)) * share)
     return most

@@ -124,7 +124,7 @@ def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Conta
                 np.zeros((contacts, DIRECTIONS, width)),
                 np.zeros((contacts, DIRECTIONS, width)),
                 np.zeros((contacts, 4), np.int64),
-                np.zeros((9, contacts, DIRECTIONS)),
+                np.zeros((10, contacts, DIRECTIONS)),
                 np.zeros((contacts, 2)),
                 np.zeros(contacts),
                 np.zeros((contacts, DIRECTIONS, DIRECTIONS)),
@@ -159,19 +159,19 @@ def solve(bodies, contacts, n, closely=0.0, sweeps=True):
     Fills IMPULSE, MOMENT and velocity_loss of the modes. Returns whether every contact obeys its laws.
     """
     if n == 1 and contacts.number[ROLLING, 0] <= 0.0:
-        frame, k, u = _alone(bodies, contacts)
+        frame, k, u = seen_alone(0, bodies, contacts)
         p, target = (0.0, 0.0, 0.0), contacts.number[TARGET, 0]
         if u[2] < target:
             _, p = impulse_to(k, u, target, contacts.number[FRICTION, 0])
-        _push_alone(bodies, contacts, frame, p)
+        push_alone(0, bodies, contacts, frame, p)
         return True
-    size = _lay_out(bodies, contacts, n)
+    size = lay_out(bodies, contacts, n)
     for i in range(n):
         contacts.room.target[i] = contacts.number[TARGET, i]
     settled = sweeps and closely > 0.0 and _sweeps_settle(contacts, n, size, closely)
     if not settled:
         settled = settle(contacts.room, n, size, closely)
-    _write_out(bodies, contacts, n)
+    write_out(bodies, contacts, n)
     return settled
 
 
@@ -206,15 +206,28 @@ def impact(bodies, contacts, n, closely=0.0, near=0.0):
     room, number = contacts.room, contacts.number
     if n == 1 and number[ROLLING, 0] <= 0.0 and _impact_alone(bodies, contacts):
         return True
-    size = _lay_out(bodies, contacts, n)
-    share, settled = 1.0, False  # of the restitution
+    size = lay_out(bodies, contacts, n)
+    settled = find_impulses(contacts, n, size, closely, near, 1.0)
+    for i in range(n):
+        number[TARGET, i] = room.target[i]
+    write_out(bodies, contacts, n)
+    return settled
+
+
+@uncounted
+def find_impulses(contacts, n, size, closely, near, share):
+    """Impulses of an `impact` that has been laid out, with a share of the restitution at most; whether laws are obeyed.
+
+    Energy never grows.
+    """
+    room, number, settled = contacts.room, contacts.number, False
     for _ in range(HALVINGS + 1):
         for i in range(n):
             room.target[i] = -share * number[RESTITUTION, i] * min(room.value[BEFORE, i, N], 0.0)
         if near > 0.0:
             come_near(room, n, size, near)
         settled = settle(room, n, size, closely)
-        work, at_first, trace = _work(room, n, closely)
+        work, at_first, trace = work_of(room, n, closely)
         if (settled and work <= trace) or share == 0.0:
             break
         if not settled:
@@ -223,9 +236,6 @@ def impact(bodies, contacts, n, closely=0.0, near=0.0):
     if not settled and _slip(room, n, size, closely):
         work = 0.0
     _take_back(room, n, size, work, at_first, 1.0 if settled else 0.5)
-    for i in range(n):
-        number[TARGET, i] = room.target[i]
-    _write_out(bodies, contacts, n)
     return settled
 
 
@@ -244,29 +254,29 @@ def _slip(room, n, size, closely):
 @uncounted
 def _impact_alone(bodies, contacts):
     """Impact at the only contact, directly; returns False, with nothing changed, where that does not apply."""
-    frame, k, before = _alone(bodies, contacts)
+    frame, k, before = seen_alone(0, bodies, contacts)
     e, solved, p = contacts.number[RESTITUTION, 0], True, (0.0, 0.0, 0.0)
     if before[2] < 0.0:
         solved, p = impulse_at_point(k, before, e, contacts.number[FRICTION, 0])
     if solved:
         contacts.number[TARGET, 0] = -e * min(before[2], 0.0)
-        _push_alone(bodies, contacts, frame, p)
+        push_alone(0, bodies, contacts, frame, p)
     return solved
 
 
 @uncounted
-def _alone(bodies, contacts):
-    """Frame of the only contact, its inverse effective mass and its relative velocity, both in that frame."""
-    first, second = contacts.body[0, 0], contacts.body[0, 1]
-    normal, arm = vector(contacts.vector[NORMAL, 0]), vector(contacts.vector[ARM_SECOND, 0])
-    first_arm, (a, b) = vector(contacts.vector[ARM_FIRST, 0]), tangents(normal)
+def seen_alone(i, bodies, contacts):
+    """Frame of contact i, its inverse effective mass and its relative velocity, both in that frame, without others."""
+    first, second = contacts.body[i, 0], contacts.body[i, 1]
+    normal, arm = vector(contacts.vector[NORMAL, i]), vector(contacts.vector[ARM_SECOND, i])
+    first_arm, (a, b) = vector(contacts.vector[ARM_FIRST, i]), tangents(normal)
     k = mobility(bodies.inverse_mass[second], _inverse_inertia(bodies, second), arm, a, b, normal)
     u = plus(bodies.velocity[second], 1.0, cross(bodies.spin[second], arm))
-    u = difference(u, contacts.vector[VELOCITY, 0])
+    u = difference(u, contacts.vector[VELOCITY, i])
     if first == WORLD:
         modes = contacts.modes
         for s in range(modes.velocity_loss.shape[0]):
-            d, share = modes.carried[0, s], modes.inverse_mass[s]
+            d, share = modes.carried[i, s], modes.inverse_mass[s]
             x, y, z = dot(d, a), dot(d, b), dot(d, normal)
             k = added(k, (share * x * x, share * x * y, share * x * z, share * y * y, share * y * z, share * z * z))
     else:
@@ -277,18 +287,18 @@ def _alone(bodies, contacts):
 
 
 @uncounted
-def _push_alone(bodies, contacts, frame, p):
-    """Give the only contact an impulse."""
-    first, second = contacts.body[0, 0], contacts.body[0, 1]
+def push_alone(i, bodies, contacts, frame, p):
+    """Give contact i an impulse, and no other."""
+    first, second = contacts.body[i, 0], contacts.body[i, 1]
     push = combine(p[0], frame[0], p[1], frame[1], p[2], frame[2])
-    _apply(bodies, second, vector(contacts.vector[ARM_SECOND, 0]), push, 1.0)
+    _apply(bodies, second, vector(contacts.vector[ARM_SECOND, i]), push, 1.0)
     if first != WORLD:
-        _apply(bodies, first, vector(contacts.vector[ARM_FIRST, 0]), push, -1.0)
+        _apply(bodies, first, vector(contacts.vector[ARM_FIRST, i]), push, -1.0)
     modes = contacts.modes
     for s in range(modes.velocity_loss.shape[0]):
-        modes.velocity_loss[s] = modes.inverse_mass[s] * dot(modes.carried[0, s], push) if first == WORLD else 0.0
-    write_to(contacts.vector[IMPULSE, 0], push)
-    write_to(contacts.vector[MOMENT, 0], (0.0, 0.0, 0.0))
+        modes.velocity_loss[s] = modes.inverse_mass[s] * dot(modes.carried[i, s], push) if first == WORLD else 0.0
+    write_to(contacts.vector[IMPULSE, i], push)
+    write_to(contacts.vector[MOMENT, i], (0.0, 0.0, 0.0))
 
 
 @inlined
@@ -305,7 +315,7 @@ def _inverse_inertia(bodies, j):
 
 
 @uncounted
-def _lay_out(bodies, contacts, n):
+def lay_out(bodies, contacts, n):
     """Write the equations of n contacts into the room, without impulses; returns the length of the motion."""
     room, ends, one = contacts.room, _end_of_bodies(contacts, n), _is_one_pair(contacts, n)
     for j in range(ends // 6):
@@ -398,7 +408,7 @@ def _write_body(bodies, room, i, k, d, j, arm, at, sign):
 
 
 @uncounted
-def _work(room, n, closely):
+def work_of(room, n, closely):
     """Work of all impulses in the frame of the contacts [J], the energy they create.
 
     Also the work that they would do if they changed no velocity, and what the accuracy of the solution leaves unknown.
@@ -429,7 +439,7 @@ def _take_back(room, n, size, work, at_first, part):
 
 
 @uncounted
-def _write_out(bodies, contacts, n):
+def write_out(bodies, contacts, n):
     """Velocities, impulses and moments, from the room."""
     room, ends = contacts.room, _end_of_bodies(contacts, n)
     for i in range(n):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from feeder_sim.engines.impulse.contact_problem import ARM_FIRST, ARM_SECOND, IMPULSE, MOMENT, WORLD, impact
+from feeder_sim.engines.impulse.contact_problem import ARM_FIRST, ARM_SECOND, IMPULSE, MOMENT, WORLD
+from feeder_sim.engines.impulse.impact_law import impact_by_law
 from feeder_sim.engines.impulse.scratch import UNRESOLVED
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, cross, times, vector, write_to
@@ -30,7 +31,7 @@ def resolve_impact(parts, kinds, bodies, n, accuracy, work):
     for j in range(bodies):
         part = parts[work.member[j]]
         load_body(j, part, kinds.record[part.kind], work.bodies)
-    settled = impact(work.bodies, work.contacts, n, accuracy[0], accuracy[1])
+    settled = impact_by_law(kinds.record[0], work.bodies, work.contacts, n, accuracy[0], accuracy[1])
     if not settled:
         work.counts[UNRESOLVED] += 1
     for j in range(bodies):

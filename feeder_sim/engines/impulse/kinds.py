@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.free_flight import symmetry_axis
+from feeder_sim.engines.impulse.own_law import mark_of
 from feeder_sim.engines.impulse.state import (
     EXPONENT_FIELDS,
     PIECE,
+    POISSON_FIELDS,
     TANGENTIAL_FIELDS,
     ZENER_FIELDS,
     Kinds,
@@ -81,6 +83,10 @@ def _law_fields(contact: Contact) -> list[Any]:
     """Marks of the laws of impact that a contact asks for."""
     fields = ZENER_FIELDS if contact.restitution == "zener" else []
     fields = fields + (EXPONENT_FIELDS if contact.restitution_exponent else [])
+    if contact.law == "poisson":
+        fields = fields + POISSON_FIELDS
+    elif contact.law != "newton":
+        fields = [*fields, (mark_of(contact.law), "f8")]
     return fields + (TANGENTIAL_FIELDS if contact.tangential_restitution is not None else [])
 
 

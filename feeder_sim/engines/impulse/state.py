@@ -88,13 +88,16 @@ KIND_FIELDS: list[Any] = [
 ]
 KIND = np.dtype(KIND_FIELDS, align=True)
 # Laws of impact by choice (impact_law.py): restitution that falls with the speed by a power; by Zener's theory, with
-# the inelasticity at 1 m/s, 0 for the walls of a rim, and the table of log e; tangential restitution of balls. Their
-# fields are marks that compilation goes by. They come first, as in every record that extends another: numba takes a
-# record with more fields at its end for one of the shorter kind.
+# the inelasticity at 1 m/s, 0 for the walls of a rim, and the table of log e; tangential restitution of balls;
+# Poisson's law, which needs no number; that of own_law.py has a mark of its own. Their fields are marks that
+# compilation goes by. They come first, as in every record that extends another: numba takes a record with more fields
+# at its end for one of the shorter kind.
 EXPONENT, ZENER, TANGENTIAL = "restitution_exponent", "zener_inelasticity", "tangential_restitution"
+POISSON = "poisson"
 EXPONENT_FIELDS: list[Any] = [(EXPONENT, "f8"), ("restitution_speed", "f8")]
 ZENER_FIELDS: list[Any] = [(ZENER, "f8"), ("zener_table", "f8", TABLE_POINTS)]
 TANGENTIAL_FIELDS: list[Any] = [(TANGENTIAL, "f8")]
+POISSON_FIELDS: list[Any] = [(POISSON, "f8")]
 
 
 # A convex body: where its corners, edges and planes are in `Kinds`; centre of a sphere around it, in principal axes
