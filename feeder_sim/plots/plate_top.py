@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from feeder_sim.document.figure import MM
@@ -72,7 +73,10 @@ def draw_shape(axes: Any, plate: PlateRecord, shape: int, *, pale: float = 0.85)
 
 
 def frame_plate(axes: Any, plate: PlateRecord) -> None:
-    """Set the limits of axes to the whole plate, in true proportion unless it is very long."""
+    """Set the limits of axes to the whole plate, in true proportion unless it is very long; draw what stands on it."""
+    for fixture in plate.fixtures:
+        rings = shapely.MultiPoint(fixture.vertices[:, :2]).convex_hull.exterior.xy
+        axes.fill(*(MM * np.asarray(ring) for ring in rings), facecolor="0.6", edgecolor="0.3", linewidth=0.8)
     half = 0.5 * plate.length * MM, 0.5 * plate.width * MM
     axes.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]))
     longest = max(half) / min(half)

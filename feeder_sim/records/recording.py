@@ -46,6 +46,9 @@ def write_plate(file: Any, plate: PlateRecord) -> None:
     put_array(file, "plate/antinode", plate.antinode, "m")
     if plate.outline is not None:
         write_outline(file, "plate/outline", plate.outline)
+    for fixture in plate.fixtures:
+        put_array(file, f"fixtures/{fixture.name}/vertices", fixture.vertices, "m")
+        put_array(file, f"fixtures/{fixture.name}/faces", fixture.faces, "1")
     for name, unit in DRIVE_FIELDS.items():
         values = [getattr(drive, name) for drive in plate.drives]
         put_array(file, f"drive/{name}", np.array([np.nan if value is None else value for value in values]), unit)
@@ -74,6 +77,10 @@ def read_plate(file: Any) -> PlateRecord:
             "outline",
             (float(group.attrs["length"]), float(group.attrs["width"])),
             Path(str(file.filename)) if hasattr(file, "filename") else Path("trajectory.h5"),
+        ),
+        fixtures=tuple(
+            FixtureRecord(name, each["vertices"][()], each["faces"][()])
+            for name, each in (file["fixtures"].items() if "fixtures" in file else ())
         ),
     )
 
@@ -125,6 +132,15 @@ MOST_SEEDS = 20  # that a notebook shows
 DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of the catalogue, small enough to scrub
 
 
+@dataclass(frozen=True)
+class FixtureRecord:
+    """What stands on the plate, where it is at rest: its name, vertices (n, 3) [m], and triangles (m, 3) of them."""
+
+    name: str
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+
+
 @dataclass(frozen=True, repr=False)
 class PlateRecord:
     """What a recording holds about the plate.
@@ -137,6 +153,7 @@ class PlateRecord:
         antinode: that the part starts from, shape (2,) [m]; NaN without nodal lines.
         drives: one per excitation of the scenario.
         outline: of a plate that is no whole rectangle.
+        fixtures: what stands on it.
     """
 
     length: float
@@ -149,6 +166,7 @@ class PlateRecord:
     antinode: NDArray[np.float64]
     drives: tuple[ModalDrive, ...]
     outline: Outline | None = None
+    fixtures: tuple[FixtureRecord, ...] = ()
 
     @property
     def trough(self) -> float:

@@ -12,6 +12,7 @@ Layout, schema version 5 (SI units, in the `unit` attribute of every dataset):
     /plate/nodal_line     (k,)                number of the line each point belongs to
     /plate/antinode       (2,)                antinode the part starts from; NaN without nodal lines
     /plate/outline/point, ring   (k, 2), (k,)   of a plate that is no rectangle: ring 0 is its outer edge
+    /fixtures/NAME/vertices, faces   (n, 3), (m, 3): of what stands on the plate, where it is at rest
     /drive/shape          (k,)                mode shape that each excitation of the scenario drives
     /drive/drive_frequency, natural_frequency, amplitude, phase, damping_ratio   (k,)  NaN: no ring-up
     /parts/NAME/vertices, faces               drawn mesh from the centre of mass, in the axes of its file

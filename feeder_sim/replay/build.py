@@ -19,7 +19,7 @@ from feeder_sim.replay.parts import (
     path_entries,
     steady_rings,
 )
-from feeder_sim.replay.plate import coarse_plate_entries, plate_entries, stage_entries, wave_entries
+from feeder_sim.replay.plate import coarse_plate_entries, fixture_entries, plate_entries, stage_entries, wave_entries
 from feeder_sim.replay.scenery import MM, SLOW, TIMELINE, Box, Entry, Scenery, Times
 from feeder_sim.replay.seed_view import SeedView, radius_of
 
@@ -46,6 +46,7 @@ def scenery_of(view: SeedView, *, coarse: bool = False) -> Scenery:
 def _whole(view: SeedView, box: Box) -> Iterator[Entry]:
     frames, times = view.record.frames, frame_times(view)
     yield from plate_entries(view)
+    yield from fixture_entries(view)
     yield from label_entries(box, view.colours.entries)
     yield from stage_label(view, box)
     moments = [(frames, times)]
@@ -66,6 +67,7 @@ def _coarse(view: SeedView, box: Box) -> Iterator[Entry]:
     if not view.crowd:
         yield from path_entries(view)
     yield from coarse_plate_entries(view)
+    yield from fixture_entries(view)
     yield from stage_entries(view)
     yield from stage_label(view, box)
     yield from steady_rings(view, frames)

@@ -20,7 +20,7 @@ from feeder_sim.replay.seed_view import PERIOD_S, PICTURES, SeedView
 
 POINTS = 61  # largest number of grid points per axis of the plate, where it is drawn again and again
 HEIGHT = 0.06  # of the highest crest as drawn, over the length of the plate
-PLATE_GREY, NODE = (190, 190, 195), (20, 20, 20)
+PLATE_GREY, NODE, FIXTURE = (190, 190, 195), (20, 20, 20), (120, 130, 145)
 ENVELOPE_POINTS = 2001
 STANDING = 0.9  # smallest standing share of a wave that is drawn as a standing one, with signs
 COLOUR_STEP = 0.04  # of the largest amplitude; the plate is coloured again when an amplitude has changed by so much
@@ -40,6 +40,16 @@ def plate_entries(view: SeedView) -> Iterator[Entry]:
         yield "plate/surface", Mesh(vertex_colours=diverging(field)), {TIMELINE: time}
     if plate.nodal_lines:
         yield "plate/nodal_lines", _nodal_lines(plate.nodal_lines), {}
+
+
+def fixture_entries(view: SeedView) -> Iterator[Entry]:
+    """What stands on the plate, where it is at rest."""
+    for fixture in view.plate.fixtures:
+        corners = fixture.vertices[fixture.faces]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        vertices, triangles = MM * corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3)
+        yield f"fixtures/{fixture.name}", Mesh(vertices, triangles, FIXTURE, normals=np.repeat(normals, 3, axis=0)), {}
 
 
 def coarse_plate_entries(view: SeedView) -> Iterator[Entry]:

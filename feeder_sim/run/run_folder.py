@@ -18,7 +18,7 @@ from feeder_sim.errors import InputError, cause_of, not_written, shortened
 from feeder_sim.measures.picking import has_picks, picks_csv
 from feeder_sim.pool.work import Work, silent
 from feeder_sim.records.files import INPUTS, LOCK, RUN, SCENE, SEEDS, locked
-from feeder_sim.records.recording import DISPLAY_POINTS, PartRecord, PlateRecord, Recording
+from feeder_sim.records.recording import DISPLAY_POINTS, FixtureRecord, PartRecord, PlateRecord, Recording
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory_file import no_seed, write_scene_file, write_seed_file
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
@@ -423,4 +423,5 @@ def plate_record(prepared: Prepared) -> PlateRecord:
         antinode=cell.antinode if cell else np.full(2, np.nan),
         drives=prepared.scene.drives,
         outline=surface.outline,
+        fixtures=tuple(FixtureRecord(each.name, *each.mesh) for each in prepared.scene.fixtures),
     )

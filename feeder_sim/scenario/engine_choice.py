@@ -37,7 +37,9 @@ def choose_engine(scenario: Scenario) -> Choice:
     has_many_parts = scenario.n_parts > 1 or scenario.refill is not None
     is_stepped_by_default = has_many_parts and scenario.plate.kind not in UNSTEPPED
     is_stepped = scenario.run.steps_per_period is not None or is_stepped_by_default or any(needs_steps(scenario))
-    if scenario.run.tolerance_nm is not None or not is_stepped:
+    if scenario.fixture:
+        method = "joint"
+    elif scenario.run.tolerance_nm is not None or not is_stepped:
         method = "joint" if has_many_parts else "exact"
     if guide is not None and guide.kind == "slide":
         method = "slide"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -26,6 +26,12 @@ class FixtureTable(Table):
     """
 
     sizes: ClassVar[str] = ""
+    if TYPE_CHECKING:
+
+        @property
+        def shape(self) -> str:
+            """Key that names the shape, a `Literal` of one text."""
+
     name: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9_-]+$")] | None = None
     position_mm: PointMm | tuple[CoordinateMm, CoordinateMm, NonNegative] = (0.0, 0.0)
     turn_deg: AngleDeg = 0.0

@@ -129,6 +129,27 @@ def _around_the_plate(s: Scenario) -> Broken:
         yield "refill.start", 'a table with kind "scattered" or "heap": part[0] starts at one place'
 
 
+def _beside_fixtures(s: Scenario) -> Broken:
+    """What does not go together with [[fixture]]."""
+    if not s.fixture:
+        return
+    for key in ("steps_per_period",):
+        if getattr(s.run, key) is not None:
+            yield f"run.{key}", "none with [[fixture]], whose contacts have no steps"
+    for key in ("planar", "reaction"):
+        if getattr(s.run, key):
+            yield f"run.{key}", "false with [[fixture]]"
+    if s.run.engine == "mujoco" or s.contact.model == "compliant":
+        yield "fixture", 'none in MuJoCo: run.engine "impulse"'
+    if s.guide is not None:
+        yield "part[0].guide", "none with [[fixture]]"
+    if s.contact.restitution == "zener":
+        yield "contact.restitution", "a number with [[fixture]], which has no theory of its own"
+    for i, part in enumerate(s.part):
+        if part.in_steps or part.lonely:
+            yield f"part[{i}].shape", "one of corners or a ball with [[fixture]]"
+
+
 def _guides(s: Scenario) -> Broken:
     for i, part in enumerate(s.part):
         if part.guide is None:
@@ -376,6 +397,7 @@ RULES: dict[Level, tuple[Rule, ...]] = {
         *(
             _tables,
             _around_the_plate,
+            _beside_fixtures,
             _guides,
             _trays,
             _rims,

@@ -17,6 +17,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from feeder_sim.errors import InputError, check_type, path_of_user
 from feeder_sim.example_files import scenario_path
 from feeder_sim.scenario.changes import changed_values, check_variable
+from feeder_sim.scenario.fixture import MAX_FIXTURES, Fixture
 from feeder_sim.scenario.part import Heap, Scattered, Slide, Tube
 from feeder_sim.scenario.plate import (
     MOST_DRIVES,
@@ -116,6 +117,7 @@ class Scenario(Table):
     drive: Annotated[tuple[AnyDrive, ...], Field(max_length=MOST_DRIVES)] = ()
     schedule: Schedule | None = None
     part: Annotated[tuple[PartSpec, ...], Field(min_length=1, max_length=100)]
+    fixture: Annotated[tuple[Fixture, ...], Field(min_length=1, max_length=MAX_FIXTURES)] | None = None
     contact: Contact = Contact()
     mujoco: MujocoSettings = MujocoSettings()
     goal: Goal | None = None
@@ -143,6 +145,11 @@ class Scenario(Table):
     def n_parts(self) -> int:
         """Number of parts of all tables together."""
         return sum(part.count for part in self.part)
+
+    @property
+    def fixtures(self) -> tuple[Fixture, ...]:
+        """What stands on the plate."""
+        return self.fixture or ()
 
     @property
     def kind_names(self) -> tuple[str, ...]:

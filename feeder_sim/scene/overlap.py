@@ -70,6 +70,30 @@ def check_off_rim(scene: Scene, part: int, place: Place, key: str) -> None:
     )
 
 
+def check_off_fixtures(scene: Scene, part: int, place: Place, key: str) -> None:
+    """Refuse a part that starts in a fixture.
+
+    Raises:
+        InputError: it does.
+    """
+    kind = scene.parts[part]
+    for fixture in scene.fixtures:
+        pairs = itertools.product(_pieces(kind, *place), fixture.in_space)
+        if any(not _parted(a, b, kind.corner_radius) for a, b in pairs):
+            raise InputError(f"lies in the fixture {fixture.name}, must be a place beside it", key=key)
+
+
+def off_fixtures(scene: Scene, position: NDArray[np.float64], radius: float) -> bool:
+    """Whether a sphere [m] is off the boxes around all fixtures."""
+    for fixture in scene.fixtures:
+        corners = fixture.corners
+        place = fixture.attitude.T @ (position - fixture.centre)
+        nearest = np.clip(place, corners.min(axis=0), corners.max(axis=0))
+        if np.linalg.norm(place - nearest) <= radius:
+            return False
+    return True
+
+
 def _rim_depths(scene: Scene, part: int, place: Place) -> tuple[list[float], int]:
     """How deep a part lies in the walls across x and across y [m], negative in front of them; which one is deeper."""
     points, radius = _corners(scene, part, place)

@@ -25,6 +25,7 @@ from feeder_sim.scenario import GivenState, Scenario, Slide, Start, Tube, check_
 from feeder_sim.scene.driven_mode import DrivenMode, free_modes
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.fits import check_goal, check_in_tube, check_on_plate, check_picks, check_refill
+from feeder_sim.scene.fixture import RigidFixture, build_fixtures
 from feeder_sim.scene.part import build_part, zener_inelasticities
 from feeder_sim.scene.timetable import (
     FRAME_AT,
@@ -125,6 +126,7 @@ class Scene:
         kind_of: index into `kinds` of every part, shape (parts,).
         parts: all rigid parts, in the order of their tables.
         guides: the guide of each part; None for a free one.
+        fixtures: what stands on the plate.
         timestep: solver step [s].
         steps_per_frame: solver steps between two recorded frames.
     """
@@ -137,6 +139,7 @@ class Scene:
     kind_of: NDArray[np.int64]
     parts: tuple[RigidPart, ...]
     guides: tuple[Guide | None, ...]
+    fixtures: tuple[RigidFixture, ...]
     timestep: float
     steps_per_frame: int
 
@@ -305,6 +308,7 @@ def build_scene(scenario: Scenario) -> Scene:
         kind_of=kind_of,
         parts=tuple(replace(kinds[kind], name=f"part_{i:0{digits}d}") for i, kind in enumerate(kind_of)),
         guides=tuple(guides[kind] for kind in kind_of),
+        fixtures=build_fixtures(scenario, plate.surface),
         timestep=timestep,
         steps_per_frame=max(1, round(1.0 / (run.frames_per_second * timestep))),
     )

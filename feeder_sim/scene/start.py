@@ -15,7 +15,7 @@ from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import GivenState, Heap, Placed, RigidPlate, Scattered, Start
 from feeder_sim.scene.fits import FREE_TILT, UPRIGHT, check_width
-from feeder_sim.scene.overlap import check_apart, check_off_rim, parts_overlap
+from feeder_sim.scene.overlap import check_apart, check_off_fixtures, check_off_rim, off_fixtures, parts_overlap
 from feeder_sim.scene.scene import Guide, Scene
 
 # The column that a heap is poured from: layers in hexagonal packing, one part size apart.
@@ -132,6 +132,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             key = f"part[{i}].start.position_mm"
             pose = pose_of_state(start, kind, key)
             check_apart(scene, part, pose.place, [p.place for p in poses], key)
+            check_off_fixtures(scene, part, pose.place, key)
             placed.add(pose.position, kind.size)
             poses.append(pose)
             continue
@@ -174,6 +175,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             if is_drawn(start, kind) or any(parts_overlap(kind, (position, quaternion), *other) for other in pairs):
                 key = f"part[{i}].start.position_mm"
                 raise InputError("overlaps another part, must be a place of its own", key=key)
+        check_off_fixtures(scene, part, (position, quaternion), f"part[{i}].start")
         placed.add(position, kind.size)
         poses.append(Pose(position, quaternion, velocity))
     return poses
@@ -317,6 +319,7 @@ def free_place(
         place = centre + rng.uniform(-half, half)
         if outline is not None and outline.distance(place) < kind.size:
             continue
-        if placed.free(np.array([*place, height]), kind.size):
+        position = np.array([*place, height])
+        if placed.free(position, kind.size) and off_fixtures(scene, position, kind.size):
             return np.asarray(place)
     return None

@@ -28,8 +28,8 @@ from feeder_sim.engines.impulse.free_part.ride import move_to
 from feeder_sim.engines.impulse.free_part.step import step
 from feeder_sim.engines.impulse.island import EventQueue, all_due, earliest_of, set_due
 from feeder_sim.engines.impulse.joint.component import SLOW, check_component
-from feeder_sim.engines.impulse.joint.pair_bound import pair_bound, release
 from feeder_sim.engines.impulse.joint.members import is_fixture
+from feeder_sim.engines.impulse.joint.pair_bound import pair_bound, release
 from feeder_sim.engines.impulse.pairs.at_fixture import meet_fixture, parting_from_fixture
 from feeder_sim.engines.impulse.pairs.collision import meet, slowest_parting
 from feeder_sim.engines.impulse.pairs.neighbours import Islands
@@ -68,6 +68,9 @@ def advance_together(window, plate_opens, parts, loads, kinds, plate, tools, fra
     """As `advance_islands`; loads: as of `Crowd`. The plate has windows of its own; with this one one may open."""
     initial, n = window.initial.copy(), loads.shape[0]
     _open_parts(initial, n, window.start, plate_opens, plate.bounds)
+    for i in range(n, parts.shape[0]):  # fixtures, wherever they were looked at last
+        move_to(parts[i], kinds.record[parts[i].kind], window.start, plate.surface)
+        initial[i] = parts[i]
     reach = reach_of(initial, n, kinds, plate.bounds, window)
     pairs, islands = find_neighbours(initial, n, kinds, plate.surface, reach, window.pairs)
     crowd = Crowd(parts, borrow(initial), borrow(pairs), kinds, borrow(islands), loads)
@@ -210,7 +213,10 @@ def _check_pair(event, t, queue, crowd, plate, tools, reach):
         a, b = parts[pair.a], parts[pair.b]
         fixed = is_fixture(pair.b, crowd)
         if fixed:
-            hit, n = meet_fixture(pair, parts, kinds, SLOW, tools)
+            hit, n, wait = meet_fixture(pair, parts, kinds, SLOW, tools)
+            if wait > 0.0:
+                set_due(queue.tree, event, t + wait)
+                return left
             parting = parting_from_fixture(pair, parts, kinds, n, tools)
         else:
             hit, n = meet(pair, parts, kinds, SLOW, tools)

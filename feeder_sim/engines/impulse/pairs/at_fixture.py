@@ -9,26 +9,28 @@ from feeder_sim.engines.impulse.fixed import place_at_fixture, velocity_at
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import BETWEEN_PARTS, restitution_at
 from feeder_sim.engines.impulse.pairs.collision import LAID_IN, LEFT, LITTLE, check_pair
-from feeder_sim.engines.impulse.pairs.due import DEEP
 from feeder_sim.engines.impulse.single_impact import velocity_of_point
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, difference, dot, plus, vector
 from feeder_sim.machine_code import inlined, uncounted
 
+REACHED = 2e-9  # [m]; a gap that is none
+NEARLY = 1.0 - 1e-6  # of the way there, on which a part turns
+
 
 @uncounted
 def meet_fixture(pair, parts, kinds, slow, tools):
-    """As `meet` of collision.py."""
+    """As `meet` of collision.py; a part that is still apart is looked at again after a wait [s], which comes third."""
     a, b = parts[pair.a], parts[pair.b]
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
     gap, n, _ = check_pair(pair, a, kind_a, b, kind_b, kinds, tools)
     approach = -parting_from_fixture(pair, parts, kinds, n, tools)
     if gap < -LAID_IN:
         add_to(a.position, -LITTLE, vector(pair.axis))
-    elif gap < -DEEP and slow == 0.0:
-        add_to(a.position, gap, vector(pair.axis))
     if n == 0 or approach <= LEFT:
-        return gap < -LAID_IN, n
+        return gap < -LAID_IN, n, 0.0
+    if gap > REACHED and approach > slow:
+        return False, n, NEARLY * gap / approach
     e = restitution_at(kind_b, BETWEEN_PARTS, approach)
     e = 0.0 if e * approach < slow * (1.0 - e) else e  # all bounces from there on are summed
     contacts, tools.work.member[0] = tools.work.contacts, pair.a
@@ -36,7 +38,7 @@ def meet_fixture(pair, parts, kinds, slow, tools):
         place_at_fixture(i, vector(tools.meeting.point[i]), vector(pair.axis), a, b, kind_b, 0, contacts)
         contacts.number[RESTITUTION, i] = e
     resolve_impact(parts, kinds, 1, n, (0.0, 0.0), tools.work)
-    return True, n
+    return True, n, 0.0
 
 
 @inlined

@@ -96,10 +96,10 @@ def bound_of_hulls(pair, parts, kinds, t, bounds, forced):
         fall = 0.0
         for k in range(3):
             drift += 0.5 * axis[k] * (a.velocity[k] + b.velocity[k])
-    carried = 0.0 if flies_b else forced[3]  # speed at which the plane may come with what stands on it
+    to_b = forced[2] if flies_b else forced[2] + forced[3]  # what stands may come with its plate
     room = 0.5 * (max(gap, 0.0) + min(SLACK, forced[4]))
     wait = min(
-        _crossing_time(a, kind_a, piece_a, kinds, axis, 1.0, top, (drift - forced[2] - carried, room, fall + forced[0])),
+        _crossing_time(a, kind_a, piece_a, kinds, axis, 1.0, top, (drift - to_b, room, fall + forced[0])),
         _crossing_time(b, kind_b, piece_b, kinds, axis, -1.0, bottom, (-drift - forced[3], room, fall + forced[1])),
     )
     speed = _relative_speed(a, kind_a, b, kind_b)
