@@ -46,6 +46,8 @@ def _tray(t, surface):
             continue
         age, s, growth = t - surface.term_start[k], surface.term_shape[k], surface.rate[k].real
         rate = surface.rate[k].imag
+        if growth == 0.0 and rate == 0.0:  # the incline, on which the fixture stands already
+            continue
         fade = math.exp(growth * age) if growth != 0.0 else 1.0
         c, d = fade * math.cos(rate * age), fade * math.sin(rate * age)
         q = surface.coefficient[k].real * c - surface.coefficient[k].imag * d
