@@ -171,14 +171,19 @@ class Posterior:
 
 
 def within_correlation(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Correlation of measures in runs of one point, pooled over points of runs (runs, measures) each."""
+    """Correlation of measures in runs of one point, over points of runs (runs, measures), each over its own scatter."""
     size, whole = values[0].shape[1], [rows for rows in values if np.isfinite(rows).all() and len(rows) > 1]
     if sum(len(rows) for rows in whole) <= size + len(whole):
         return np.eye(size)
-    residuals = np.concatenate([rows - rows.mean(axis=0) for rows in whole])
+    residuals = np.concatenate([_standardised(rows) for rows in whole])
     covariance = residuals.T @ residuals
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     return np.asarray(covariance / np.outer(sd, sd) * (1.0 - RIDGE) + RIDGE * np.eye(size))
+
+
+def _standardised(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    sd = rows.std(axis=0)
+    return np.asarray((rows - rows.mean(axis=0)) / np.where(sd > 0.0, sd, 1.0))
 
 
 def _combination(direction: NDArray[np.float64], names: Sequence[str]) -> str:
