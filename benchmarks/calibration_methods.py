@@ -14,17 +14,6 @@ Methods that are not installed are left out. They need
     pip install emcee pyvbmc scikit-learn && pip install --no-deps grainlearning
 
 as GrainLearning asks for numpy below 2, and runs with 2 as well.
-
-Measured with `--blocks 2`, on a machine with other work, where wall time says nothing; medians and 90 % intervals:
-
-    method                          runs  processor (s)  restitution             friction                off (sd)  D
-    grid                            9152                 0.247 (0.148 to 0.372)  0.376 (0.083 to 0.665)
-    first half of its seeds                              0.247 (0.150 to 0.366)  0.371 (0.087 to 0.670)     0.08  0.019
-    second half of its seeds                             0.248 (0.147 to 0.382)  0.382 (0.080 to 0.659)     0.16  0.014
-    every second point each way                          0.240 (0.145 to 0.353)  0.390 (0.091 to 0.670)     0.27  0.053
-    ours                            1024             40  0.247 (0.152 to 0.382)  0.353 (0.081 to 0.651)     0.15
-    grainlearning, 4 iterations     1024             38  0.230 (0.206 to 0.256)  0.566 (0.313 to 0.601)     1.66  0.543
-    grainlearning, measured errors  1024             36  0.256 (0.152 to 0.358)  0.349 (0.071 to 0.670)     0.19  0.089
 """
 
 from __future__ import annotations

@@ -109,10 +109,7 @@ class Posterior:
             if effective >= ENOUGH:
                 break
         nearest = tuple(float(np.abs(each.apart(shares)).max(axis=1).min()) for each in observed)
-        rng = np.random.default_rng(seed)
-        places = (np.arange(draws) + rng.random()) / draws
-        rows = np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)
-        return Posterior(shares[rng.permutation(rows)], effective, nearest)
+        return Posterior(shares[resampled(weights, draws, np.random.default_rng(seed))], effective, nearest)
 
     @cached_property
     def covariance(self) -> NDArray[np.float64]:
@@ -168,6 +165,12 @@ class Posterior:
         gained = covariance**2 / (float((deviation**2).mean()) + noise)
         variance = np.maximum((away**2).mean(axis=0), 1e-30)
         return np.asarray(np.sqrt(np.maximum(1.0 - gained / variance, 0.0)))
+
+
+def resampled(weights: NDArray[np.float64], draws: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Rows of weighted draws as equally likely ones, shuffled, shape (draws,); weights add up to 1."""
+    places = (np.arange(draws) + rng.random()) / draws
+    return rng.permutation(np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1))
 
 
 def within_correlation(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
