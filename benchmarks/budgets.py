@@ -32,7 +32,7 @@ BUDGETS: dict[str, tuple[dict[str, Any], str, int, int]] = {
     "drift_4750hz": (CONTACT, "transport_speed_mm_s", 128, 64),
     "drift_8775hz": (CONTACT | unmeasured(("drive[0].amplitude_um", 1.0)), "transport_speed_mm_s", 128, 64),
     "transport_strip": (CONTACT | unmeasured(*STAGES), "arrival_time_s", 32, 32),
-    "separation_100": (CONTACT | {"plate.rim": {"choice": (False, True)}}, "picked", 8, 16),
+    "separation_100": (CONTACT | {"plate.rim": {"choice": (False, True)}}, "picked", 8, 8),
 }
 
 

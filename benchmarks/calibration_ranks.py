@@ -3,10 +3,11 @@
     python benchmarks/calibration_ranks.py [--sets 200] [--points 64] [--tracks]
     python benchmarks/calibration_ranks.py --example docs/examples/tracks.csv
 
-Constants are drawn from the priors, six runs of each of two drifts are made with them, and calibrated on. If posteriors
-are right, the rank of the truth among their draws is uniform, and 90 % intervals hold it in 90 % of the sets. With
-`--tracks` a camera of 30 frames per second has seen the runs, with 0.1 mm of noise in every place and a degree in every
-angle; what is left of the standard deviation of the prior stands beside that of the speeds alone of the same tracks.
+Constants are drawn from the priors, one from each of as many equal shares as there are sets; six runs of each of two
+drifts are made with them, and calibrated on. If posteriors are right, the rank of the truth among their draws is
+uniform, and 90 % intervals hold it in 90 % of the sets. With `--tracks` a camera of 30 frames per second has seen the
+runs, with 0.1 mm of noise in every place and a degree in every angle; what is left of the standard deviation of the
+prior stands beside that of the speeds alone of the same tracks.
 `--example` writes such tracks of six runs at 8775 Hz with the constants of the scenario.
 """
 
@@ -22,7 +23,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from scipy.stats import kstest
+from scipy.stats import kstest, qmc
 
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Runner
@@ -131,12 +132,11 @@ def of_measures(of: Observed, names: Sequence[str]) -> Observed:
 
 def ranks(sets: int, points: int, work: Work, *, tracks: bool = False) -> Ranks:
     problem = question(points, tracks)
-    fitted, rng = emulators(problem, work), np.random.default_rng(1)
+    fitted, truths = emulators(problem, work), qmc.LatinHypercube(len(PRIOR), rng=1).random(sets)
     shares, left, speeds_left = [], [], []
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) if tracks else None
-        for k in range(sets):
-            truth = rng.random(len(PRIOR))
+        for k, truth in enumerate(truths):
             data = [measured(problem, of, i, truth, 1_000_000 + 2 * k + i, folder) for i, of in enumerate(fitted)]
             posterior = Posterior.of(data, len(PRIOR), k)
             shares.append((posterior.shares < truth).mean(axis=0))

@@ -3,9 +3,9 @@
     python benchmarks/validation/bouncing_cylinder.py [--seeds 100] [--json] [--picture FILE]
 
 Columns: what the program gave; its rules in a program of our own, with Poisson's restitution as it has and with
-Newton's as the engines have; the engine with the same rectangle in the same plane; and a cylinder in space. Then on a
-surface whose points move in the plane of the plate too, as those of a plate of 0.5 mm would: its rules, the same with
-an impulse at each vertex in place of one at their mean, and the engine.
+Newton's; the engine with the same rectangle in the same plane, by Newton's and by Poisson's; and a cylinder in space.
+Then on a surface whose points move in the plane of the plate too, as those of a plate of 0.5 mm would: its rules, the
+same with an impulse at each vertex in place of one at their mean, and the engine.
 
 The program `vibrating-plate-simulator` (V. Sariola, 2016) goes with Zhou, Sariola, Latifi and Liimatainen, Nature
 Communications 7 (2016) 12764: a rectangle of 600 x 300 um with the moment of inertia of a cylinder, on a wave of 6 mm
@@ -87,6 +87,7 @@ METHODS = {
     "rules": "its rules",
     "newton": "its rules, Newton's restitution",
     "engine": "engine, rectangle in the plane",
+    "engine_poisson": "engine, Poisson's restitution",
     "cylinder": "engine, cylinder in space",
     "rules_in_plane": "its rules, with in-plane velocity",
     "vertices_in_plane": "its rules, vertex by vertex, with in-plane velocity",
@@ -120,7 +121,8 @@ def compute(setting: Setting, method: str, starts: int = 100) -> Speeds:
     if method.startswith(("rules", "newton", "vertices")):
         law = Law(setting.friction, setting.restitution, method != "newton", not method.startswith("vertices"))
         return Speeds(time, _by_its_rules(setting, law, NODE - distance, in_plane))
-    scene = build_scene(engine_scenario(setting, in_plane=in_plane, planar=method.startswith("engine")))
+    name, planar = "poisson" if method.endswith("poisson") else "newton", method.startswith("engine")
+    scene = build_scene(engine_scenario(setting, in_plane=in_plane, planar=planar, law=name))
     if method.startswith("engine"):
         scene = with_rectangle(scene)
     return Speeds(time, NODE - _by_engine(scene, distance, time))
@@ -149,7 +151,7 @@ def _by_its_rules(setting: Setting, law: Law, starts: Floats, in_plane: bool) ->
     )
 
 
-def engine_scenario(setting: Setting, *, in_plane: bool, planar: bool) -> Scenario:
+def engine_scenario(setting: Setting, *, in_plane: bool, planar: bool, law: str = "newton") -> Scenario:
     """The setting as a scenario, for one seed."""
     slab = _slab(setting.frequency).material
     material = CustomMaterial(
@@ -160,7 +162,7 @@ def engine_scenario(setting: Setting, *, in_plane: bool, planar: bool) -> Scenar
         plate=Strip(thickness_mm=1e3 * THICKNESS, material=material),
         drive=(Drive(frequency_hz=setting.frequency, amplitude_um=1e6 * setting.amplitude, ring_up=False),),
         part=(Cylinder(shape="cylinder", diameter_mm=1e3 * DIAMETER, height_mm=1e3 * HEIGHT, start=start),),
-        contact=Contact(restitution=setting.restitution, friction=setting.friction),
+        contact=Contact(law=law, restitution=setting.restitution, friction=setting.friction),
         run=Run(
             engine="impulse",
             duration_s=DURATION,
@@ -214,6 +216,7 @@ STYLES = {  # colour and marker
     "rules": ("black", "s"),
     "newton": ("#8a8a8a", "v"),
     "engine": ("#3a60be", "o"),
+    "engine_poisson": ("#3a60be", "x"),
     "cylinder": ("#7fa6e0", "D"),
     "rules_in_plane": ("#be3434", "s"),
     "vertices_in_plane": ("#d98080", "v"),
@@ -241,7 +244,7 @@ def draw_bouncing_cylinder(found: Sequence[tuple[Setting, dict[str, Speeds]]], p
     rows = np.arange(len(found))
     for i, (method, (colour, marker)) in enumerate(STYLES.items()):
         statistics = [each[method].speed_mm_s for _, each in found]
-        at = rows + 0.1 * (i - 3.5)
+        at = rows + 0.09 * (i - 4.0)
         mean, se = [s.mean for s in statistics], [s.se for s in statistics]
         right.errorbar(mean, at, xerr=se, fmt=marker, color=colour, markersize=4, label=METHODS[method])
     for row, (each, _) in zip(rows, found, strict=True):
@@ -259,6 +262,7 @@ HEADS = {
     "rules": "its rules",
     "newton": "Newton",
     "engine": "engine",
+    "engine_poisson": "engine, Poisson",
     "cylinder": "in space",
     "rules_in_plane": "its rules, i.p.",
     "vertices_in_plane": "vertices, i.p.",

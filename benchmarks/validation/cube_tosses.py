@@ -175,7 +175,12 @@ def _toss(row: dict[str, str], line: int, path: Path) -> Toss:
 
 
 def toss_scenario(
-    toss: Toss, engine: Engine = "impulse", *, steps: int | None = STEPS, friction: float = FRICTION
+    toss: Toss,
+    engine: Engine = "impulse",
+    *,
+    steps: int | None = STEPS,
+    friction: float = FRICTION,
+    restitution: float = RESTITUTION,
 ) -> tuple[Scenario, float]:
     """The scenario of a toss, and by how much its start was lifted out of the board [m].
 
@@ -183,7 +188,7 @@ def toss_scenario(
         toss: measured.
         engine: that is to compute it.
         steps: in 4 ms, see `run.steps_per_period`; None for the engine without a step.
-        friction: of cube and board.
+        friction, restitution: of cube and board.
     """
     half = 0.5 * EDGE_MM
     lowest = 1e3 * toss.position[2] - half * float(np.abs(toss.attitude.as_matrix()[2]).sum())
@@ -209,7 +214,7 @@ def toss_scenario(
                 ),
             ),
         ),
-        contact=Contact(restitution=RESTITUTION, friction=friction),
+        contact=Contact(restitution=restitution, friction=friction),
         run=Run(
             engine=engine,
             duration_s=toss.duration + 1.0 / (STILL_HZ * (steps or STEPS)),
@@ -228,10 +233,11 @@ def compute_tosses(
     *,
     steps: int | None = STEPS,
     friction: float = FRICTION,
+    restitution: float = RESTITUTION,
     progress: Callable[[float], None] | None = None,
 ) -> TossStudy:
     """Compute every toss and compare its end with the measured one; progress is told the share that is done."""
-    prepared = [toss_scenario(toss, engine, steps=steps, friction=friction) for toss in tosses]
+    prepared = [toss_scenario(toss, engine, steps=steps, friction=friction, restitution=restitution) for toss in tosses]
     _end(prepare(prepared[0][0]))  # compiles
     ends, spent = [], 0.0
     for i, (scenario, _) in enumerate(prepared):

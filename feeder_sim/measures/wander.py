@@ -3,8 +3,9 @@
 *Wander*: root mean square of the horizontal displacement within that time, less the mean one of the part.
 *Turning*: root mean square of the turn about the vertical within that time.
 
-Both are over all parts and times of a seed. Places are means over a fifth of the time, so that the noise of a camera,
-say a tenth of a millimetre a frame, hardly counts.
+Both are over all parts and times of a seed. Places and headings are means over blocks of a fifth of the time. The
+square of a displacement is its product with that from `BESIDE` blocks earlier to as many later: no block is in both, so
+that the noise of a camera, which is another one in every frame, drops out of the mean.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from feeder_sim.scene.prepared import Prepared
 
 WITHIN = 0.5  # [s]
 SAME_BLOCK = 1e-2  # of one, by which the times of a camera may be off
-BLOCKS = 5  # whose mean places are taken, within that time
+BLOCKS, BESIDE = 5, 2  # whose mean places are taken, within that time and beside it
+LEAST_S = 2.0 * WITHIN * (1.0 + BESIDE / BLOCKS)  # of a part, for a value
 
 
 @dataclass(frozen=True, repr=False)
@@ -42,8 +44,8 @@ class Wander(Measure[WanderFindings, tuple[float, float]]):
     """Root mean square displacement [m] and turn [rad] of the parts of a seed, without a schedule."""
 
     missing: ClassVar[Mapping[str, str]] = {
-        "wander_mm": f"no part was there for {2.0 * WITHIN:g} s",
-        "turning_deg": f"no part was there for {2.0 * WITHIN:g} s, or no angle was seen",
+        "wander_mm": f"no part was there for {LEAST_S:g} s",
+        "turning_deg": f"no part was there for {LEAST_S:g} s, or no angle was seen",
     }
 
     def applies(self, prepared: Prepared) -> bool:
@@ -77,13 +79,20 @@ def wander(frames: Frames) -> tuple[float, float]:
     """Root mean square of displacements [m] and of turns [rad] within `WITHIN`; NaN where no part is there so long."""
     displacements, turns = [], []
     for place, heading in _paths(frames):
-        moved, turned = place[BLOCKS:] - place[:-BLOCKS], heading[BLOCKS:] - heading[:-BLOCKS]
-        displacements.append(((moved - moved.mean(axis=0)) ** 2).sum(axis=1))
-        turns.append(turned**2)
+        moved, around = _displacements(place)
+        displacements.append((moved * around).sum(axis=1))
+        turns.append((heading[BLOCKS:] - heading[:-BLOCKS]) ** 2)
     if not displacements:
         return math.nan, math.nan
-    displacement, turn = (math.sqrt(np.concatenate(squares).mean()) for squares in (displacements, turns))
+    displacement, turn = (math.sqrt(max(0.0, np.concatenate(squares).mean())) for squares in (displacements, turns))
     return displacement, turn
+
+
+def _displacements(path: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Displacements within `WITHIN`, and those from earlier to later, less the mean ones, (n, 2) each."""
+    within = path[BESIDE + BLOCKS : -BESIDE] - path[BESIDE : -BESIDE - BLOCKS]
+    around = path[BLOCKS + 2 * BESIDE :] - path[: -BLOCKS - 2 * BESIDE]
+    return within - within.mean(axis=0), around - around.mean(axis=0)
 
 
 def _paths(frames: Frames) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -98,7 +107,7 @@ def _paths(frames: Frames) -> Iterator[tuple[NDArray[np.float64], NDArray[np.flo
         count = np.bincount(block, there)
         whole = np.flatnonzero(count == np.bincount(block))
         whole = whole[:-1] if len(whole) and whole[-1] == block[-1] else whole  # the last block may be cut
-        if len(whole) < 2 * BLOCKS or whole[-1] - whole[0] + 1 != len(whole):
+        if len(whole) < 2 * (BLOCKS + BESIDE) or whole[-1] - whole[0] + 1 != len(whole):
             continue
         x, y, turn = (
             np.bincount(block, values * there)[whole] / count[whole]

@@ -26,6 +26,7 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
 IN_METRES = 0.005  # of the plate's half: tracks in millimetres go further
+SMOOTH_S = 0.1  # over which places are averaged, against the noise of a camera
 SAME_PLACE = 0.5  # of a part's length: where another track goes on, ids are swapped
 
 
@@ -126,6 +127,7 @@ def _seed(scene: Scene, tracks: Sequence[Track], interval: float) -> Seed:
         place[:, k, 0], place[:, k, 1], turn[:, k] = (
             np.interp(time, track.time, values) for values in (*track.place.T, track.angle)
         )
+        place[:, k, :2] = _smooth(place[:, k, :2], max(1, round(SMOOTH_S / interval)))
         present[rows[0] - first : rows[-1] - first + 1, k] = True
     level = [_lying(scene, int(kind)) for kind in scene.kind_of]
     points = place[..., :2].reshape(-1, 2)
@@ -150,6 +152,17 @@ def _without_lost(scene: Scene, frames: Frames) -> Seed:
     removals = joined([no_events(REMOVALS), *leaving])
     status = Status.LEFT_PLATE if len(lost) == frames.present.shape[1] else Status.DONE
     return Seed(frames, removals=removals, status=status)
+
+
+def _smooth(place: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
+    """Running means over an odd number of frames, of as many as there are at the ends, (n, 2)."""
+    half = frames // 2
+    if half == 0:
+        return place
+    total = np.concatenate([np.zeros((1, 2)), np.cumsum(place, axis=0)])
+    rows = np.arange(len(place))
+    reach = np.minimum(half, np.minimum(rows, rows[::-1]))
+    return np.asarray((total[rows + reach + 1] - total[rows - reach]) / (2 * reach + 1)[:, None])
 
 
 def _lying(scene: Scene, kind: int) -> tuple[float, NDArray[np.float64]]:

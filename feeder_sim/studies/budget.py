@@ -124,6 +124,8 @@ def _variants(
     rolling = 0.0 if scenario.contact.rolling_friction_um else ROLLING_UM
     name = f"rolling friction of {rolling:g} um" if rolling else "no rolling friction"
     variants.append((MODEL, name, {"contact.rolling_friction_um": rolling}))
+    other = "newton" if scenario.contact.law == "poisson" else "poisson"
+    variants.append((MODEL, f"restitution by {other.title()}", {"contact.law": other}))
     if scenario.drive and all(drive.ring_up for drive in scenario.drive):
         changes = {f"drive[{i}].ring_up": False for i in range(len(scenario.drive))}
         variants.append((MODEL, "no ring-up", changes))

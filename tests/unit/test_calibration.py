@@ -115,6 +115,20 @@ def test_an_emulator_goes_through_its_points_as_far_as_seeds_tell() -> None:
     assert "at 3 of 40 points" in refusal(Emulator.of, shares, values[1:4] + [[math.nan]] * 37, "measure")
 
 
+def test_a_corner_where_runs_scatter_widely_does_not_blur_the_rest() -> None:
+    """As where restitution is so high that parts fly off the plate."""
+    pytest.importorskip("sklearn")
+    rng = np.random.default_rng(1)
+    shares = rng.random((64, 2))
+    is_wild = shares[:, 0] > 0.85
+    values = shares[:, :1] + rng.normal(0.0, 0.05, (64, 8)) * np.where(is_wild, 20.0, 1.0)[:, None]
+    emulator = Emulator.of(shares, values.tolist(), "measure")
+    assert emulator.scatter == pytest.approx(0.05, rel=0.2)
+    inside = np.column_stack([0.7 * rng.random(200), rng.random(200)])
+    mean, sd = emulator.at(inside)
+    assert np.sqrt(((mean - inside[:, 0]) ** 2).mean()) < 0.02 and np.median(sd) < 0.02
+
+
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 1.0])
 def test_log_normal_is_a_normal_distribution_of_logarithms(share: float) -> None:
     of = Uncertain(log_normal=(2.0, 0.1))

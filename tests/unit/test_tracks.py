@@ -191,8 +191,8 @@ def test_wander_is_what_is_left_of_the_steady_motion() -> None:
     steps = 1e-3 * np.random.default_rng(0).normal(size=(200_000, 2))
     walk = np.cumsum(steps, axis=0) + 5e-3 * np.arange(200_000)[:, None]
     displacement, _ = wander(straight(walk, np.zeros(200_000)))
-    # A walk of 50 steps with standard deviation s per direction, between means over 10: 2 s^2 (50 - 10 / 3).
-    assert displacement == pytest.approx(1e-3 * math.sqrt(2.0 * (50.0 - 10.0 / 3.0)), rel=0.03)
+    # Steps with standard deviation s per direction: 2 s^2 for each of the 50 between the middles of two blocks.
+    assert displacement == pytest.approx(1e-3 * math.sqrt(2.0 * 50.0), rel=0.03)
     assert all(math.isnan(value) for value in wander(straight(walk[:50], np.zeros(50))))
 
 

@@ -109,10 +109,7 @@ class Posterior:
             if effective >= ENOUGH:
                 break
         nearest = tuple(float(np.abs(each.apart(shares)).max(axis=1).min()) for each in observed)
-        rng = np.random.default_rng(seed)
-        places = (np.arange(draws) + rng.random()) / draws
-        rows = np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)
-        return Posterior(shares[rng.permutation(rows)], effective, nearest)
+        return Posterior(shares[resampled(weights, draws, np.random.default_rng(seed))], effective, nearest)
 
     @cached_property
     def covariance(self) -> NDArray[np.float64]:
@@ -170,15 +167,26 @@ class Posterior:
         return np.asarray(np.sqrt(np.maximum(1.0 - gained / variance, 0.0)))
 
 
+def resampled(weights: NDArray[np.float64], draws: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Rows of weighted draws as equally likely ones, shuffled, shape (draws,); weights add up to 1."""
+    places = (np.arange(draws) + rng.random()) / draws
+    return rng.permutation(np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1))
+
+
 def within_correlation(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Correlation of measures in runs of one point, pooled over points of runs (runs, measures) each."""
+    """Correlation of measures in runs of one point, over points of runs (runs, measures), each over its own scatter."""
     size, whole = values[0].shape[1], [rows for rows in values if np.isfinite(rows).all() and len(rows) > 1]
     if sum(len(rows) for rows in whole) <= size + len(whole):
         return np.eye(size)
-    residuals = np.concatenate([rows - rows.mean(axis=0) for rows in whole])
+    residuals = np.concatenate([_standardised(rows) for rows in whole])
     covariance = residuals.T @ residuals
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     return np.asarray(covariance / np.outer(sd, sd) * (1.0 - RIDGE) + RIDGE * np.eye(size))
+
+
+def _standardised(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    sd = rows.std(axis=0)
+    return np.asarray((rows - rows.mean(axis=0)) / np.where(sd > 0.0, sd, 1.0))
 
 
 def _combination(direction: NDArray[np.float64], names: Sequence[str]) -> str:
