@@ -302,14 +302,13 @@ def main() -> int:
                 if isinstance(v, dict)
             )
             print(f"{name}: {bounds}; {each['effective']:.1f} effective points")
-        for name, found in summaries.items():
+        for name, of in summaries.items():
             coverage = ", ".join(
-                f"{key} {found[f'coverage_{key}']:.3f} +- {found[f'coverage_{key}_se']:.3f}"
-                for key in ("x", "y", "circle")
+                f"{key} {of[f'coverage_{key}']:.3f} +- {of[f'coverage_{key}_se']:.3f}" for key in ("x", "y", "circle")
             )
             print(
-                f"{name}: median error {found['median_error_mm']:.1f} mm, half-width {found['half_width_mm']:.1f} mm, "
-                f"coverage {coverage}, {found['n']} tosses"
+                f"{name}: median error {of['median_error_mm']:.1f} mm, half-width {of['half_width_mm']:.1f} mm, "
+                f"coverage {coverage}, {of['n']} tosses"
             )
         print(f"nearer by the posterior than by the authors' constants: {nearer:.3f} of the odd tosses")
     if options.picture:

@@ -84,7 +84,7 @@ def _check_tracks(scene: Scene, tracks: Sequence[Track], file: Path) -> None:
     longest = max(kind.longest for kind in scene.kinds)
     half = 0.5 * np.array([scene.surface.length, scene.surface.width])
     largest = max(float(np.abs(track.place / half).max()) for track in tracks)
-    if largest < IN_METRES and 100.0 * largest < 1.0:
+    if largest < IN_METRES:
         place = 1e3 * max(float(np.abs(track.place).max()) for track in tracks)
         raise InputError(f"are all within {place:.3g} mm of the middle of the plate: in metres?", file=file, key="x, y")
     for track in tracks:

@@ -142,7 +142,7 @@ def test_a_package_adds_a_law_of_impact(planks: Path, tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr
     frames = feeder_sim.open(tmp_path / "thrown").seeds[0].frames
     assert frames.position[-1, 0, 2] < 3e-3
-    assert frames.velocity[:, 0, 0] == pytest.approx(0.05, abs=1e-12)
+    assert frames.velocity[:, 0, 0] == pytest.approx(0.05, rel=1e-7)  # recorded in single precision
 
 
 @pytest.mark.parametrize(

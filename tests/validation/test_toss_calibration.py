@@ -26,8 +26,8 @@ def with_scatter(ends: Floats, rng: np.random.Generator) -> Floats:
 def sliding_ends(velocity: Floats, constants: Floats) -> Floats:
     """Last places of points that slide to rest, from the origin, after an impact that leaves a share of their speed."""
     speed = np.linalg.norm(velocity, axis=1)
-    way = speed**2 / (2.0 * 9.81 * constants[:, :1]) * (1.0 + constants[:, 1:] * np.cos(7.0 * speed)) ** 2
-    return np.asarray((velocity / speed[:, None]) * way[:, :, None])
+    distance = speed**2 / (2.0 * 9.81 * constants[:, :1]) * (1.0 + constants[:, 1:] * np.cos(7.0 * speed)) ** 2
+    return np.asarray((velocity / speed[:, None]) * distance[:, :, None])
 
 
 def check_coverage(design: Design, truth: Floats, rng: np.random.Generator) -> None:
@@ -35,10 +35,10 @@ def check_coverage(design: Design, truth: Floats, rng: np.random.Generator) -> N
     covered, within = np.zeros((SETS, 3), bool), []
     for i in range(SETS):
         measured = with_scatter(truth, rng)
-        found = calibrated(design, measured, EVEN, i)
-        low, high = np.quantile(np.column_stack([found.constants, found.width]), (0.05, 0.95), axis=0)
+        posterior = calibrated(design, measured, EVEN, i)
+        low, high = np.quantile(np.column_stack([posterior.constants, posterior.width]), (0.05, 0.95), axis=0)
         covered[i] = (low <= [*TRUTH, WIDTH]) & ([*TRUTH, WIDTH] <= high)
-        within.append(Prediction(found.ends(design, ODD, rng), measured[ODD]).within.mean(axis=0))
+        within.append(Prediction(posterior.ends(design, ODD, rng), measured[ODD]).within.mean(axis=0))
     assert (covered.sum(axis=0) >= FEWEST).all(), covered.sum(axis=0)
     assert np.abs(np.mean(within, axis=0) - 0.9).max() < 0.03, np.mean(within, axis=0)
 
