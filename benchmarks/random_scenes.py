@@ -3,8 +3,8 @@
     python benchmarks/random_scenes.py [--scenes 5000] [--kinds edge,hole] [--first 0] [--failing FOLDER] [--law L]
 
 Prints a row for each kind of scene, and every scene that fails; it is written as a scenario file that anyone can run.
-What must hold, and what the kinds are: tests/judged_scenes.py. Kinds of tests/judged_crowds.py, for several parts, and
-of tests/judged_walls.py have to be asked for. With 5000 of each of the others it takes about two hours on two cores.
+What must hold, and what the kinds are: tests/judged_scenes.py. Kinds of tests/judged_crowds.py, for several parts, of
+tests/judged_walls.py and of tests/judged_fixtures.py have to be asked for. With 5000 of each of the others it takes about two hours on two cores.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ import typer
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import judged_crowds
+import judged_fixtures
 import judged_scenes
 import judged_walls
 from judged_scenes import ALL, Finding
 
-ASKED_FOR = {**dict.fromkeys(judged_crowds.KINDS, judged_crowds), **dict.fromkeys(judged_walls.KINDS, judged_walls)}
+ASKED_FOR = {kind: scenes for scenes in (judged_crowds, judged_fixtures, judged_walls) for kind in scenes.KINDS}
 AT_ONCE = 20  # scenes that a worker takes
 HEAD = "kind          scenes  refused  failed  late contacts  budgets spent  unresolved  s per s: median   99 %   worst"
 

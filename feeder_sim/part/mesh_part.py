@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from feeder_sim.part.corners import contact_corners
 from feeder_sim.part.mesh_file import closed_mesh, file_state
-from feeder_sim.part.pieces import read_pieces
+from feeder_sim.part.pieces import pieces_beside, read_pieces
 from feeder_sim.part.rigid_part import LEVEL, RigidPart
 
+CONVEX = 1.0 + 1e-4  # hull over volume of a mesh that is taken for convex
+BODY_ERROR = 1e-6  # [m]; how far corners of bodies that stand may lie below their mesh
 ALIGNED = 1e-9  # of a moment of inertia over the largest: products of inertia that small are round-off
 
 
@@ -79,6 +81,20 @@ def _read(
         dropped_facets=mesh.metadata["dropped_facets"],
         pieces=tuple(_thinned(1e-3 * unit_mm * points - centre, corner_error) for points in piece_vertices),
     )
+
+
+def mesh_bodies(path: Path, unit_mm: float, *, pieces: Path | None, key: str) -> list[NDArray[np.float64]]:
+    """Corners (n, 3) [m] of the convex bodies of a mesh, in the axes of its file: its hull, or pieces of a concave one.
+
+    Raises:
+        InputError: as for `mesh_part`.
+    """
+    mesh = closed_mesh(path, unit_mm, key=key)
+    if pieces is None and mesh.convex_hull.volume <= CONVEX * mesh.volume:
+        bodies = [np.array(mesh.convex_hull.vertices)]
+    else:
+        bodies = read_pieces(pieces or pieces_beside(path), path, mesh, key=key)
+    return [_thinned(1e-3 * unit_mm * points, BODY_ERROR) for points in bodies]
 
 
 def _thinned(points: NDArray[np.float64], error: float) -> NDArray[np.float64]:

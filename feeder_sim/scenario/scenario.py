@@ -63,6 +63,8 @@ def input_files(scenario: Scenario) -> dict[str, Path]:
     files |= {f"{key}.motion_file": drive.motion_file for key, drive in motions if drive.motion_file}
     for i, part in enumerate(scenario.part):
         files |= {f"part[{i}].{key}": file for key, file in part.files.items()}
+    for i, fixture in enumerate(scenario.fixtures):
+        files |= {f"fixture[{i}].{key}": file for key, file in fixture.files.items()}
     picks = scenario.schedule.picks if scenario.schedule else ()
     return files | {f"{key}.shape": pick.shape for key, pick in picks if pick.shape is not None}
 
@@ -72,7 +74,10 @@ def with_files(scenario: Scenario, change: Change) -> Scenario:
     plate, schedule = scenario.plate, scenario.schedule
     if isinstance(plate, ModePlate):
         plate = plate.model_copy(update={"mode_file": change(plate.mode_file)})
-    parts = [part.model_copy(update={k: change(file) for k, file in part.files.items()}) for part in scenario.part]
+    parts, fixtures = (
+        tuple(table.model_copy(update={k: change(file) for k, file in table.files.items()}) for table in tables)
+        for tables in (scenario.part, scenario.fixtures)
+    )
     if schedule is not None:
         groups = {
             group: tuple(_stage_with(stage, change) for stage in getattr(schedule, group))
@@ -80,7 +85,9 @@ def with_files(scenario: Scenario, change: Change) -> Scenario:
         }
         schedule = schedule.model_copy(update=groups)
     drives = _drives_with(scenario.drive, change)
-    return scenario.model_copy(update={"plate": plate, "drive": drives, "part": tuple(parts), "schedule": schedule})
+    return scenario.model_copy(
+        update={"plate": plate, "drive": drives, "part": parts, "fixture": fixtures or None, "schedule": schedule}
+    )
 
 
 def _drives_with(drives: tuple[Driven, ...], change: Change) -> tuple[Driven, ...]:

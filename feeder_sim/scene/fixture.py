@@ -27,6 +27,7 @@ class RigidFixture:
         bodies: corners of its convex bodies from the centre, in its axes [m], (n, 3) each.
         restitution, friction: between parts and it.
         moves: whether it goes with the tray.
+        table: of the scenario.
     """
 
     name: str
@@ -36,6 +37,18 @@ class RigidFixture:
     restitution: float
     friction: float
     moves: bool
+    table: FixtureTable
+
+    @property
+    def axis(self) -> NDArray[np.float64]:
+        """That it turns about, through its centre (3,)."""
+        return np.asarray(self.attitude[:, "xyz".index(self.table.axis)])
+
+    def pose(self, shift: NDArray[np.float64], angle: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Centre (3,) [m] and attitude (3, 3) after a shift [m] and a turn about its axis [rad]."""
+        from scipy.spatial.transform import Rotation
+
+        return self.centre + shift, Rotation.from_rotvec(angle * self.axis).as_matrix() @ self.attitude
 
     @property
     def corners(self) -> NDArray[np.float64]:
@@ -81,6 +94,8 @@ def _built(table: FixtureTable, number: int, scenario: Scenario, surface: Surfac
             raise InputError("has no volume", key=f"fixture[{number}]")
     every = np.concatenate(bodies)
     middle = 0.5 * (every.min(axis=0) + every.max(axis=0))
+    if table.moves_itself and table.axis == "z":
+        middle[:2] = 0.0
     contact = scenario.contact
     restitution = contact.restitution if table.restitution is None else table.restitution
     assert isinstance(restitution, float)  # by the rules of the scenario
@@ -91,7 +106,8 @@ def _built(table: FixtureTable, number: int, scenario: Scenario, surface: Surfac
         bodies=tuple(body - middle for body in bodies),
         restitution=restitution,
         friction=contact.friction if table.friction is None else table.friction,
-        moves=table.moves == "plate" and scenario.plate.kind == "tray",
+        moves=table.moves == "plate" and scenario.plate.kind == "tray" and not table.moves_itself,
+        table=table,
     )
 
 

@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.fixed import own_speed
 from feeder_sim.engines.impulse.impact_law import largest_restitution
 from feeder_sim.engines.impulse.pairs.neighbours import Islands, Room, find_islands, find_pairs
 from feeder_sim.engines.impulse.rest import wake
-from feeder_sim.engines.impulse.state import Kinds, in_pieces, orthonormalise_parts, turning_speed
+from feeder_sim.engines.impulse.state import STEADY, Kinds, in_pieces, orthonormalise_parts, turning_speed
 from feeder_sim.machine_code import compiled, inlined
 
 
@@ -150,7 +151,7 @@ def squared_distance(part, initial, kind):
 
 @compiled
 def reach_of(parts, n_free, kinds, bounds, window):
-    """How far any part comes within a window [m]: the plate adds (1 + e) times its own speed to the fastest.
+    """How far any part comes within a window [m]: plate or fixture adds (1 + e) times its own speed to the fastest.
 
     A reach that the window brings with it stands.
     """
@@ -163,7 +164,11 @@ def reach_of(parts, n_free, kinds, bounds, window):
             fastest = max(fastest, v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
             if in_pieces(kind):
                 fastest = max(fastest, turning_speed(parts[i], kind) ** 2)
-    return (math.sqrt(fastest) + (1.0 + e) * bounds.speed + GRAVITY * duration) * duration
+    pushed = bounds.speed
+    for i in range(n_free, parts.shape[0]):
+        if parts[i].phase == STEADY:
+            pushed = max(pushed, own_speed(parts[i], kinds.record[parts[i].kind]))
+    return (math.sqrt(fastest) + (1.0 + e) * pushed + GRAVITY * duration) * duration
 
 
 @compiled

@@ -105,13 +105,17 @@ class ImpulseEngine(PartsEngine):
             self._interrupt[WHOLE] = 0 if self._interrupt[ENDED] else done
         while done < len(times):  # at least once, so that an engine that is ended at once has been compiled
             start = self._span[1]
-            self._span[:] = start, start + self._window
+            self._span[:] = start, self._window_end(start)
             self._keep_begin_of_window()
             last = int(np.searchsorted(times, self._span[1], side="right"))
             self._compute_window(self._span[1], FrameRows(times[done:last], rows[done:last], self._interrupt))
             if self._interrupt[ENDED]:
                 break
             self._interrupt[WHOLE] = done = last
+
+    def _window_end(self, start: float) -> float:
+        """When a window that begins at a time ends [s]."""
+        return start + self._window
 
     def _compute_window(self, until: float, frames: FrameRows | None = None) -> None:
         """Compute the window under way from its begin until a time in it [s].

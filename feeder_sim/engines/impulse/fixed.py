@@ -2,7 +2,8 @@
 
 They are parts of infinite mass behind the free ones, each a kind of its own. In impacts and forces a fixture is the
 world, with the velocity that it has at the contact. One that goes with a tray is FIXED to it: its motion is that of the
-surface, which of a tray is linear in the place, u(p) = move + turn x p, as the corners of its table tell.
+surface, which of a tray is linear in the place, u(p) = move + turn x p, as the corners of its table tell. One that is
+STEADY has a velocity and a spin that do not change within a window.
 
 Of such a part `offset` and `orientation` are its place and attitude on the tray at rest, and `momentum` is how fast it
 turns [rad/s].
@@ -25,7 +26,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     WORLD,
 )
 from feeder_sim.engines.impulse.state import FIXED
-from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus, vector, write_to
+from feeder_sim.engines.impulse.vectors import combine, cross, difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import inlined, uncounted
 from feeder_sim.plate.compiled import BETA_X, BETA_Y, W
 
@@ -88,6 +89,31 @@ def carry(part, t, surface):
     part.clock = t
 
 
+@uncounted
+def go_on(part, t):
+    """Bring a fixture that moves by itself to time t [s]."""
+    age, spin = t - part.clock, vector(part.momentum)
+    part.clock = t
+    rate = math.sqrt(dot(spin, spin))
+    for k in range(3):
+        part.position[k] += age * part.velocity[k]
+    if rate == 0.0:
+        return
+    c, s = math.cos(rate * age), math.sin(rate * age)
+    for k in range(3):
+        axis = part.attitude[0, k], part.attitude[1, k], part.attitude[2, k]
+        along = (1.0 - c) * dot(spin, axis) / (rate * rate)
+        turned = combine(c, axis, s / rate, cross(spin, axis), along, spin)  # Rodrigues
+        part.attitude[0, k], part.attitude[1, k], part.attitude[2, k] = turned
+
+
+@inlined
+def own_speed(part, kind):
+    """No point of a fixture that moves by itself is faster [m/s]."""
+    velocity, spin = vector(part.velocity), vector(part.momentum)
+    return math.sqrt(dot(velocity, velocity)) + kind.reach * math.sqrt(dot(spin, spin))
+
+
 @inlined
 def velocity_at(part, arm):
     """Of a point of a fixture at the end of an arm from its centre [m/s]."""
@@ -98,7 +124,7 @@ def velocity_at(part, arm):
 def motion_at(part, t, surface):
     """Velocity [m/s] and spin [rad/s] of a fixture at a time t [s] that is not its own."""
     if part.phase != FIXED:
-        return NOTHING, NOTHING
+        return vector(part.velocity), vector(part.momentum)
     _, _, velocity, spin = _tray(t, surface)
     return plus(velocity, 1.0, cross(spin, vector(part.offset))), spin
 

@@ -31,7 +31,7 @@ SLENDER = 4.0  # largest over smallest moment of inertia
 # beside: it has come under the sheet of the plate from beside it, and falls past. jammed: until when it has no friction
 # [s]. looks: at it, beyond those that pass, until budget [s].
 # due: when it is looked at next, among others, and weighed: when it was last seen whether it rests [s].
-FREE, PRESSED, FOLLOWING, FIXED = range(4)  # FIXED: a fixture of a tray (fixed.py)
+FREE, PRESSED, FOLLOWING, FIXED, STEADY = range(5)  # FIXED: a fixture of a tray; STEADY: one that moves by itself
 PART = np.dtype(
     [
         ("position", "f8", 3),

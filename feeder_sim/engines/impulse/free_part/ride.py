@@ -19,9 +19,9 @@ import math
 from typing import NamedTuple
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.fixed import carry
+from feeder_sim.engines.impulse.fixed import carry, go_on
 from feeder_sim.engines.impulse.free_part.points import touches
-from feeder_sim.engines.impulse.state import FIXED, FOLLOWING, fly_to
+from feeder_sim.engines.impulse.state import FIXED, FOLLOWING, STEADY, fly_to
 from feeder_sim.engines.impulse.surface import (
     ACCELERATION,
     HEIGHT,
@@ -65,6 +65,8 @@ def move_to(part, kind, t, surface):
         _follow(part, kind, t, surface)
     elif part.phase == FIXED:
         carry(part, t, surface)
+    elif part.phase == STEADY:
+        go_on(part, t)
     else:
         fly_to(part, kind, t)
 

@@ -13,6 +13,7 @@ from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import FrameRows
 from feeder_sim.engines.impulse.free_part.notes import Notes
 from feeder_sim.engines.impulse.joint.loop import advance_together, open_plate
+from feeder_sim.engines.impulse.joint.moved_fixtures import MovedFixtures
 from feeder_sim.engines.impulse.joint.room import Tools, new_together
 from feeder_sim.engines.impulse.state import copied
 from feeder_sim.engines.impulse.surroundings import WINDOW, Plate, read_walls
@@ -40,6 +41,7 @@ class JointEngine(ImpulseEngine):
     ) -> None:
         threads = 1 if scene.fixtures else threads  # a fixture is at one time only
         super().__init__(scene, rng, threads=threads, interrupt=interrupt)
+        self._fixtures = MovedFixtures(scene)
         self._wall, tolerance = read_walls(scene), self._exact.tolerance
         if tolerance > COARSE:
             impacts = IMPACTS * tolerance
@@ -74,6 +76,7 @@ class JointEngine(ImpulseEngine):
             self._plate_span[:] = start, start + WINDOW
             # Bounds outlast the window: nothing is due at its very end.
             terms, bounds = open_plate(self._drive(WINDOW), start, start + WINDOW + 1e-5)
+            bounds = bounds._replace(calm=bounds.calm and not self._fixtures.move_within(*self._plate_span))
             self._plate = lasting(Plate(terms, bounds, self._wall))
 
     def _place_at_begin(self) -> None:
@@ -88,6 +91,14 @@ class JointEngine(ImpulseEngine):
     def _keep_begin_of_window(self) -> None:
         super()._keep_begin_of_window()
         self._loads_opened = self._loads
+        self._fixtures.place(self._opened, float(self._span[0]))
+
+    def _window_end(self, start: float) -> float:
+        return min(super()._window_end(start), self._fixtures.next_change(start))
+
+    def redrive(self, scene: Scene) -> None:
+        super().redrive(scene)
+        self._fixtures = MovedFixtures(scene)
 
     def _forget_unresolved(self) -> None:
         """Keep all counts: those of a window that is computed again, which is rare, count twice."""

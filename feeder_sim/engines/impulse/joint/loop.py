@@ -227,6 +227,8 @@ def _check_pair(event, t, queue, crowd, plate, tools, reach):
         pressing = again or (n > 0 and supported and parting < SLOW)
         if hit:
             pair.repeats, pair.struck = pair.repeats + 1 if t == pair.struck else 0, t
+        elif fixed and pressing:
+            pair.repeats += 1  # it may not press, for all that it touches
         if hit or pressing:
             for end in range(1 if fixed else 2):
                 i = pair.a if end == 0 else pair.b

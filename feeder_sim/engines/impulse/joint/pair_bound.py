@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.fixed import own_speed
 from feeder_sim.engines.impulse.free_part.ride import move_to
 from feeder_sim.engines.impulse.pairs.due import SLACK, bound_of_hulls, bound_of_spheres
-from feeder_sim.engines.impulse.state import FIXED, FOLLOWING, FREE, PRESSED, flies
+from feeder_sim.engines.impulse.state import FIXED, FOLLOWING, FREE, PRESSED, STEADY, flies
 from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.machine_code import inlined, uncounted
 
@@ -35,6 +36,8 @@ def _forced(part, kind, bounds):
     """Largest acceleration of any of its points that forces cause [m/s^2], and change of speed [m/s]."""
     if part.phase == FIXED:
         return 0.0, CARRIED * bounds.speed
+    if part.phase == STEADY:
+        return 0.0, own_speed(part, kind)
     if part.phase == FREE or not flies(part, kind):
         return 0.0, 0.0
     if part.phase == FOLLOWING:
