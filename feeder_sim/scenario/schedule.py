@@ -20,9 +20,9 @@ EverySeconds = Annotated[float, Field(ge=0.01, le=1e5, strict=True)]
 
 
 class Refill(Table):
-    """New parts when fewer than `below` are on the plate: at the end of a cycle, after its last pick, or every so often.
+    """New parts when fewer than `below` are on the plate, at the end of a cycle, after its last pick.
 
-    Without a schedule `every_s` says how often: at the first frame at or after each multiple of it.
+    Without a schedule they come at the first frame at or after each multiple of `every_s`.
     The part tables say how many of each kind may be on the plate at once; of which kinds the new ones are is drawn in
     proportion to these numbers.
     """

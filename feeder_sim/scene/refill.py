@@ -17,12 +17,12 @@ MAX_TRIES_OF_REFILL = 20_000  # places drawn for all parts of one refill before 
 
 @once_per_scene
 def refill_frames(scene: Scene) -> dict[int, int]:
-    """Frames at whose end parts are filled in, and the cycle that ends there, or which look it is; none at the end."""
+    """Frames at whose end parts are filled in, and the number of the cycle, or of the check; never at the end of a run."""
     if scene.scenario.refill is None:
         return {}
     if every := scene.scenario.refill.every_s:
-        looks = [(scene.frame_at(k * every), k) for k in range(1, math.floor(scene.times.duration / every) + 1)]
-        return {frame: look for frame, look in looks if frame < scene.n_frames - 1}
+        checks = [(scene.frame_at(k * every), k) for k in range(1, math.floor(scene.times.duration / every) + 1)]
+        return {frame: number for frame, number in checks if frame < scene.n_frames - 1}
     ends = {stage.cycle: stage.end for stage in scene.times.stages if stage.cycle}
     last = scene.times.stages[-1].cycle
     return {scene.frame_at(end): cycle for cycle, end in ends.items() if cycle < last}
