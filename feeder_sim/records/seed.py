@@ -29,7 +29,7 @@ from feeder_sim.records.trajectory import Frames
 # went through, else -1.
 #
 # arrivals: parts of refills; a part is not in the frame at `time` [s] yet, but in the next one. `part` is its index,
-# `cycle` the one at whose end the refill was (there is one at most), without a schedule the number of the check, `height`
+# `cycle` the one at whose end the refill was (there is one at most), without cycles the number of the check, `height`
 # that of the centre of mass where it was let go [m].
 
 Events: TypeAlias = Any  # np.recarray, which type checkers lose where rows are taken

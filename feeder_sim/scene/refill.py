@@ -17,7 +17,7 @@ MAX_TRIES_OF_REFILL = 20_000  # places drawn for all parts of one refill before 
 
 @once_per_scene
 def refill_frames(scene: Scene) -> dict[int, int]:
-    """Frames at whose end parts are filled in, and the number of the cycle, or of the check; never at the end of a run."""
+    """Frames at whose end parts are filled in, and the number of the cycle or check; none at the end of a run."""
     if scene.scenario.refill is None:
         return {}
     if every := scene.scenario.refill.every_s:

@@ -58,9 +58,8 @@ def test_parts_gone_and_present_add_up_to_those_started_and_arrived_at_every_fra
         entered = over(outlet, frames.position) & frames.present
         rows, parts = np.nonzero(entered)
         assert len(rows) == len(through(seed))  # each for one frame only
-        assert set(zip(frames.time[rows], parts, strict=True)) == set(
-            zip(*[through(seed)[k] for k in ("time", "part")])
-        )
+        passed = through(seed)
+        assert set(zip(frames.time[rows], parts, strict=True)) == set(zip(passed.time, passed.part, strict=True))
 
 
 def test_a_refill_keeps_the_number_up() -> None:
