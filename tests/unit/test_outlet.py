@@ -11,6 +11,7 @@ from conftest import refusal, resting, toml_of
 
 import feeder_sim
 from feeder_sim import prepare
+from feeder_sim.measures.catalogue import values_of_seed
 from feeder_sim.measures.outlets import jam_times
 from feeder_sim.records.recording import PlateRecord
 from feeder_sim.records.trajectory import Frames
@@ -117,4 +118,5 @@ def test_a_run_folder_has_outlets_what_went_through_and_its_numbers(tmp_path: Pa
     assert findings.outlets[1].right_share.n == findings.outlets[1].jams.n == 0
     assert findings.jams.mean == 1.0
     assert opened.seeds[0].removals.outlet.tolist() == [0]
+    assert values_of_seed(opened.prepared, opened.seeds[0])["outlets[a].parts_through"] == 1.0
     assert list((tmp_path / "run").glob("*.rrd"))

@@ -100,6 +100,15 @@ def test_a_block_that_slides_enters_when_friction_says(engine: str) -> None:
     assert result.outlets.throughput_per_min.mean == pytest.approx(60.0 / time)
 
 
+def test_a_part_that_starts_in_an_outlet_is_gone_after_the_first_frame() -> None:
+    start = {"kind": "placed", "places_mm_deg": [[0.0, 0.0, 0.0], [60.0, 0.0, 0.0]]}
+    part = BLOCK | {"count": 2, "start": start}
+    seed = computed(plate=STILL, part=[part], outlet=[AT_RIGHT], duration_s=0.1).seeds[0]
+    assert through(seed).tolist() == [(0.0, 1, Cause.OUTLET, 0)]
+    assert seed.frames.present[:, 1].tolist() == [True] + [False] * 10
+    assert seed.frames.present[:, 0].all()
+
+
 def test_blocks_down_an_inclined_tray_pass_as_their_speed_says() -> None:
     tilt, mu, start = np.radians(10.0), 0.1, [-80.0, -50.0, -20.0, 10.0]
     places = [[x, 0.0, 0.0] for x in start]
