@@ -140,7 +140,8 @@ class Result(simulation.Result):
         Args:
             of: "measures": a row per seed and measure, NaN where a seed has no value; "frames": a row per seed, time
                 and part; "impacts": a row per impact of a guided part; "picks": as in picks.csv of a run folder;
-                "removals": a row per part that was picked or lost. Columns have their units in their names.
+                "removals": a row per part that was picked, lost or went through an outlet. Columns have their units in
+                their names.
 
         Raises:
             InputError: pandas is missing, there is no such table, or its rows were not kept.

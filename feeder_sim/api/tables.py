@@ -139,6 +139,7 @@ def _impacts(result: Result) -> dict[str, Any]:
 
 def _removals(result: Result) -> dict[str, Any]:
     removals = [seed.removals for seed in result.seeds]
+    names = [*(outlet.name for outlet in result.scene.outlets), ""]  # the last one, -1, for none
     part = np.concatenate([entry.part for entry in removals])
     return {
         "seed": np.repeat(np.arange(len(removals)), [len(entry) for entry in removals]),
@@ -146,4 +147,5 @@ def _removals(result: Result) -> dict[str, Any]:
         "part": np.array(result.part_names)[part],
         "kind": np.array(result.part_kinds)[part],
         "cause": [Cause(int(cause)).name.lower() for entry in removals for cause in entry.cause],
+        "outlet": [names[number] for entry in removals for number in entry.outlet],
     }

@@ -25,6 +25,7 @@ UNITS = {
     "nm": "nm",
     "mm_deg": "mm, mm and degrees",
     "mrad": "mrad",
+    "per_min": "1/min",
     "ms": "ms",
     "us": "µs",
     "hz": "Hz",

@@ -15,6 +15,7 @@ from feeder_sim.measures.circulation import Circulation, WaveFindings
 from feeder_sim.measures.conveying import CircularConveying, CircularFindings, Conveying, ConveyingFindings
 from feeder_sim.measures.drift import Drift, DriftFindings
 from feeder_sim.measures.function import as_measure
+from feeder_sim.measures.outlets import OutletFindings, Outlets
 from feeder_sim.measures.poses import PoseFindings, Poses
 from feeder_sim.measures.protocol import Measure, as_json
 from feeder_sim.measures.rate import Rate, RateFindings
@@ -27,7 +28,7 @@ from feeder_sim.scene.prepared import Prepared
 # Every measure of a single seed as one number by a dotted name: what tables, sweeps and comparisons are made of.
 
 _STATISTIC = {"mean", "sd", "se", "n"}
-_LABELS = ("kind", "pose")  # of entries that have no number of their own
+_LABELS = ("kind", "pose", "outlet")  # of entries that have no number of their own
 
 
 def values_of_seed(prepared: Prepared, seed: Seed) -> dict[str, float]:
@@ -71,6 +72,7 @@ MEASURES: tuple[Measure[Any, Any], ...] = (
     Separation(),
     Poses(),
     Refills(),
+    Outlets(),
     Rate(),
     Arrivals(),
     CircularConveying(),
@@ -79,7 +81,9 @@ MEASURES: tuple[Measure[Any, Any], ...] = (
 # The most telling values of all, the first of them where several are measured.
 HEADLINES = tuple(
     name
-    for measure in (Conveying, CircularConveying, Drift, Rate, Arrivals, Bounces, Separation, Refills, Circulation)
+    for measure in (
+        *(Outlets, Conveying, CircularConveying, Drift, Rate, Arrivals, Bounces, Separation, Refills, Circulation),
+    )
     for name in measure.headline
 )
 Findings = TypeVar("Findings")
@@ -145,6 +149,11 @@ class Measured(ABC):
     def refills(self) -> RefillFindings:
         """Parts that came with refills."""
         return self._findings_of(Refills)
+
+    @property
+    def outlets(self) -> OutletFindings:
+        """Parts that go through outlets, how many per minute, how many of them right, and jams."""
+        return self._findings_of(Outlets)
 
     @property
     def rate(self) -> RateFindings:

@@ -65,7 +65,7 @@ class SeedDrift:
 
 
 class Drift(Measure[DriftFindings, SeedDrift]):
-    """Transport speed, drift velocity and highest rise of a scenario without a schedule."""
+    """Transport speed, drift velocity and highest rise of a scenario without a schedule or refill."""
 
     headline = ("transport_speed_mm_s",)
     missing: ClassVar[Mapping[str, str]] = {
@@ -74,7 +74,7 @@ class Drift(Measure[DriftFindings, SeedDrift]):
     }
 
     def applies(self, prepared: Prepared) -> bool:
-        return prepared.scenario.schedule is None
+        return prepared.scenario.schedule is None and prepared.scenario.refill is None
 
     def reader(self, prepared: Prepared) -> Callable[[Seed], SeedDrift]:
         cell, surface, has_heights = prepared.cell, prepared.scene.surface, not prepared.is_tracked

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from feeder_sim.part.stable_poses import NONE, ROUND, axis_up
 from feeder_sim.records.seed import Cause, Seed
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.scenario import Pick, Robot
+from feeder_sim.scenario import Outlet, Pick, Robot
 from feeder_sim.scene.gripper import Gripper, read_gripper
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import TimedStage
@@ -162,12 +162,7 @@ def pickable(scene: Scene, picks: Sequence[Pick], frames: Frames) -> NDArray[np.
 
 def _selected(scene: Scene, pick: Pick, last: Frames, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which parts one pick takes in a frame, (parts,)."""
-    selected = there.copy()
-    if pick.part is not None:
-        selected &= scene.kind_of == scene.scenario.kind_names.index(pick.part)
-    if pick.up:
-        in_pose = np.array([name in pick.up for name in scene.pose_names(last.quaternion[0])])
-        selected &= in_pose | axis_up(last.quaternion[0], pick.up)
+    selected = there & is_right(scene, pick, last.quaternion[0])
     if pick.clearance_mm is not None:
         selected &= isolated(last.position[0], there, pick.clearance_mm * 1e-3)
     if pick.shape is not None:
@@ -176,6 +171,17 @@ def _selected(scene: Scene, pick: Pick, last: Frames, there: NDArray[np.bool_]) 
         for part in np.flatnonzero(selected):
             selected[part] = room.has_room(int(part), gripper)
     return selected
+
+
+def is_right(scene: Scene, rule: Pick | Outlet, quaternion: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which parts (parts,) have the kind and the side up that a pick or an outlet wants, at attitudes (parts, 4)."""
+    right = np.ones(len(scene.parts), bool)
+    if rule.part is not None:
+        right &= scene.kind_of == scene.scenario.kind_names.index(rule.part)
+    if rule.up:
+        in_pose = np.array([name in rule.up for name in scene.pose_names(quaternion)])
+        right &= in_pose | axis_up(quaternion, rule.up)
+    return right
 
 
 class _Neighbours:

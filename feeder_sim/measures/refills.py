@@ -79,6 +79,7 @@ def requested(scene: Scene, seed: Seed) -> int:
         if frame < len(frames):
             remaining = scene.on_plate(frames[slice(frame, frame + 1)])[0]
             time = float(frames.time[frame])
-            remaining[parts_removed(seed.removals, Cause.PICKED, start=time - half, end=time + half)] = False
+            for cause in (Cause.PICKED, Cause.OUTLET):
+                remaining[parts_removed(seed.removals, cause, start=time - half, end=time + half)] = False
             number += refill_count(scene, int(remaining.sum()))
     return number

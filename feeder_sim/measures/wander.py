@@ -41,7 +41,7 @@ class WanderFindings(FindingsBase):
 
 
 class Wander(Measure[WanderFindings, tuple[float, float]]):
-    """Root mean square displacement [m] and turn [rad] of the parts of a seed, without a schedule."""
+    """Root mean square displacement [m] and turn [rad] of the parts of a seed, without a schedule or refill."""
 
     missing: ClassVar[Mapping[str, str]] = {
         "wander_mm": f"no part was there for {LEAST_S:g} s",
@@ -49,7 +49,8 @@ class Wander(Measure[WanderFindings, tuple[float, float]]):
     }
 
     def applies(self, prepared: Prepared) -> bool:
-        return prepared.scenario.schedule is None and not any(prepared.scene.guides)
+        scenario = prepared.scenario
+        return scenario.schedule is None and scenario.refill is None and scenario.guide is None
 
     def reader(self, prepared: Prepared) -> Callable[[Seed], tuple[float, float]]:
         ends_at = prepared.cell if prepared.scenario.run.stop == "passage" else None

@@ -48,6 +48,7 @@ def _turned(ring: NDArray[np.float64], *, outer: bool) -> NDArray[np.float64]:
 
 
 PICKED = "#009e50"  # of the ring around a part that is picked
+OUTLET = "#b35900"
 STRETCHED = 8.0  # length over width of a plate, or the other way round, from which on its picture is stretched
 
 
@@ -73,11 +74,15 @@ def draw_shape(axes: Any, plate: PlateRecord, shape: int, *, pale: float = 0.85)
 
 
 def frame_plate(axes: Any, plate: PlateRecord) -> None:
-    """Set the limits of axes to the whole plate, in true proportion unless it is very long; draw what stands on it."""
+    """Set the limits of axes to the whole plate, in true proportion unless it is very long; draw what is on it."""
     for fixture in plate.fixtures:
         rings = shapely.MultiPoint(fixture.vertices[:, :2]).convex_hull.exterior.xy
         axes.fill(*(MM * np.asarray(ring) for ring in rings), facecolor="0.6", edgecolor="0.3", linewidth=0.8)
-    half = 0.5 * plate.length * MM, 0.5 * plate.width * MM
+    half = 0.5 * MM * np.array([plate.length, plate.width])
+    for name, corners in plate.outlets.items():
+        axes.fill(*(MM * corners.T), facecolor="none", edgecolor=OUTLET, linestyle="--", linewidth=1.2)
+        axes.annotate(name, MM * corners.mean(axis=0), color=OUTLET, ha="center", va="center", fontsize="small")
+        half = np.maximum(half, MM * np.abs(corners).max(axis=0))  # one may be beside the plate
     axes.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]))
     longest = max(half) / min(half)
     axes.set_aspect("auto" if longest > STRETCHED else "equal")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,8 @@ def write_plate(file: Any, plate: PlateRecord) -> None:
     for fixture in plate.fixtures:
         put_array(file, f"fixtures/{fixture.name}/vertices", fixture.vertices, "m")
         put_array(file, f"fixtures/{fixture.name}/faces", fixture.faces, "1")
+    for name, corners in plate.outlets.items():
+        put_array(file, f"outlets/{name}", corners, "m")
     for name, unit in DRIVE_FIELDS.items():
         values = [getattr(drive, name) for drive in plate.drives]
         put_array(file, f"drive/{name}", np.array([np.nan if value is None else value for value in values]), unit)
@@ -82,6 +85,7 @@ def read_plate(file: Any) -> PlateRecord:
             FixtureRecord(name, each["vertices"][()], each["faces"][()])
             for name, each in (file["fixtures"].items() if "fixtures" in file else ())
         ),
+        outlets={name: each[()] for name, each in (file["outlets"].items() if "outlets" in file else ())},
     )
 
 
@@ -154,6 +158,7 @@ class PlateRecord:
         drives: one per excitation of the scenario.
         outline: of a plate that is no whole rectangle.
         fixtures: what stands on it.
+        outlets: corners (n, 2) [m] of each outlet seen from above, by its name.
     """
 
     length: float
@@ -167,6 +172,7 @@ class PlateRecord:
     drives: tuple[ModalDrive, ...]
     outline: Outline | None = None
     fixtures: tuple[FixtureRecord, ...] = ()
+    outlets: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     @property
     def trough(self) -> float:

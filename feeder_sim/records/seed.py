@@ -25,11 +25,12 @@ from feeder_sim.records.trajectory import Frames
 #     approach_speed      of the part relative to the plate at the begin [m/s]
 #     departure_velocity  vertical velocity of the part at the end [m/s]; NaN while the part still sticks
 #
-# removals: parts taken out, at `time` [s]; `part` is its index, `cause` see `Cause`.
+# removals: parts taken out, at `time` [s]; `part` is its index, `cause` see `Cause`, `outlet` the index of the one it
+# went through, else -1.
 #
 # arrivals: parts of refills; a part is not in the frame at `time` [s] yet, but in the next one. `part` is its index,
-# `cycle` the one at whose end the refill was (there is one at most), `height` that of the centre of mass where it was
-# let go [m].
+# `cycle` the one at whose end the refill was (there is one at most), without cycles the number of the check, `height`
+# that of the centre of mass where it was let go [m].
 
 Events: TypeAlias = Any  # np.recarray, which type checkers lose where rows are taken
 
@@ -41,7 +42,7 @@ IMPACTS: Columns = {
     "approach_speed": ("m/s", "f8"),
     "departure_velocity": ("m/s", "f8"),
 }
-REMOVALS: Columns = {"time": ("s", "f8"), "part": ("1", "i8"), "cause": ("1", "i8")}
+REMOVALS: Columns = {"time": ("s", "f8"), "part": ("1", "i8"), "cause": ("1", "i8"), "outlet": ("1", "i8")}
 ARRIVALS: Columns = {"time": ("s", "f8"), "part": ("1", "i8"), "cycle": ("1", "i8"), "height": ("m", "f8")}
 
 
@@ -50,6 +51,7 @@ class Cause(IntEnum):
 
     PICKED = 1
     LOST = 2
+    OUTLET = 3
 
 
 def events(columns: Columns, **values: ArrayLike) -> Events:
@@ -70,9 +72,9 @@ def no_events(columns: Columns) -> Events:
 _NONE = {id(columns): events(columns) for columns in (IMPACTS, REMOVALS, ARRIVALS)}
 
 
-def removed(parts: ArrayLike, time: float, cause: Cause) -> Events:
+def removed(parts: ArrayLike, time: float, cause: Cause, outlet: ArrayLike = -1) -> Events:
     """Parts, by their indices, that are taken out at once."""
-    return events(REMOVALS, time=time, part=parts, cause=cause)
+    return events(REMOVALS, time=time, part=parts, cause=cause, outlet=outlet)
 
 
 def impacts_of(rows: NDArray[np.float64]) -> Events:
@@ -164,7 +166,7 @@ class Seed:
 
     Attributes:
         frames: states of all parts.
-        impacts, removals, arrivals: contacts of a guided part with the plate, parts picked or lost, parts of refills;
+        impacts, removals, arrivals: contacts of a guided part with the plate, parts taken out, parts of refills;
             see feeder_sim.records.seed.
         stops: when the drives of the stages stopped, in order [s]; those not listed keep to the schedule.
         status: how it ended.

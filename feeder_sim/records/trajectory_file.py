@@ -1,6 +1,6 @@
 """The HDF5 files that are the record of truth of a run: its scene, and one for each seed that has ended.
 
-Layout, schema version 5 (SI units, in the `unit` attribute of every dataset):
+Layout, schema version 6 (SI units, in the `unit` attribute of every dataset):
 
     scene.h5              written before the first seed:
     /                     schema, schema_version, creator, engine, seeds (their number), scenario (resolved TOML),
@@ -13,6 +13,7 @@ Layout, schema version 5 (SI units, in the `unit` attribute of every dataset):
     /plate/antinode       (2,)                antinode the part starts from; NaN without nodal lines
     /plate/outline/point, ring   (k, 2), (k,)   of a plate that is no rectangle: ring 0 is its outer edge
     /fixtures/NAME/vertices, faces   (n, 3), (m, 3): of what stands on the plate, where it is at rest
+    /outlets/NAME         (n, 2)              corners of each outlet, seen from above
     /drive/shape          (k,)                mode shape that each excitation of the scenario drives
     /drive/drive_frequency, natural_frequency, amplitude, phase, damping_ratio   (k,)  NaN: no ring-up
     /parts/NAME/vertices, faces               drawn mesh from the centre of mass, in the axes of its file
@@ -25,7 +26,7 @@ Layout, schema version 5 (SI units, in the `unit` attribute of every dataset):
                           unresolved_impacts, late_contacts, budgets_spent; see feeder_sim.records.seed
     /time, position, quaternion, velocity, angular_velocity, present
     /stops                (s,)                when the drives of the stages stopped; the others keep to the schedule
-    /removals/time, part, cause               of parts picked or lost; see feeder_sim.records.seed
+    /removals/time, part, cause, outlet       of parts taken out; see feeder_sim.records.seed
     /arrivals/time, part, cycle, height       of parts that came with a refill
     /impacts/time, until, approach_speed, departure_velocity   of a part in a guide
     /failure              divergence, cause, part, time, valid (attributes), and frames around it as above, in double
@@ -61,7 +62,7 @@ from feeder_sim.records.recording import Recording, read_part, read_plate, write
 from feeder_sim.records.seed import ARRIVALS, IMPACTS, REMOVALS, Columns, Counts, LastStates, Seed, Status, events
 from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
 
-SCHEMA_VERSION, AGAIN = 5, "its scenario has to be run again"
+SCHEMA_VERSION, AGAIN = 6, "its scenario has to be run again"
 RECORDING = FileKind("feeder_sim/trajectory", SCHEMA_VERSION, "recording", AGAIN)
 SEED = FileKind("feeder_sim/seed", SCHEMA_VERSION, "recording of a seed", AGAIN)
 EVENTS: dict[str, Columns] = {"impacts": IMPACTS, "removals": REMOVALS, "arrivals": ARRIVALS}

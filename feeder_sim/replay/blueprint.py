@@ -17,7 +17,7 @@ from feeder_sim.replay.scenery import SLOW, TIMELINE, Box, Plot, Scenery
 from feeder_sim.replay.seed_view import PERIOD_S
 
 WAVE_DIRECTION = (0.0, -1.0, 0.6)
-CONTENTS = ("plate", "guide", "parts", "shadows", "drop_lines", "paths", "picked", "labels")
+CONTENTS = ("plate", "fixtures", "outlets", "guide", "parts", "shadows", "drop_lines", "paths", "picked", "labels")
 
 
 def blueprint(scenery: Scenery, style: Style) -> Any:

@@ -19,7 +19,14 @@ from feeder_sim.replay.parts import (
     path_entries,
     steady_rings,
 )
-from feeder_sim.replay.plate import coarse_plate_entries, fixture_entries, plate_entries, stage_entries, wave_entries
+from feeder_sim.replay.plate import (
+    coarse_plate_entries,
+    fixture_entries,
+    outlet_entries,
+    plate_entries,
+    stage_entries,
+    wave_entries,
+)
 from feeder_sim.replay.scenery import MM, SLOW, TIMELINE, Box, Entry, Scenery, Times
 from feeder_sim.replay.seed_view import SeedView, radius_of
 
@@ -47,6 +54,7 @@ def _whole(view: SeedView, box: Box) -> Iterator[Entry]:
     frames, times = view.record.frames, frame_times(view)
     yield from plate_entries(view)
     yield from fixture_entries(view)
+    yield from outlet_entries(view)
     yield from label_entries(box, view.colours.entries)
     yield from stage_label(view, box)
     moments = [(frames, times)]
@@ -68,6 +76,7 @@ def _coarse(view: SeedView, box: Box) -> Iterator[Entry]:
         yield from path_entries(view)
     yield from coarse_plate_entries(view)
     yield from fixture_entries(view)
+    yield from outlet_entries(view)
     yield from stage_entries(view)
     yield from stage_label(view, box)
     yield from steady_rings(view, frames)

@@ -16,7 +16,13 @@ from feeder_sim.replay.scenery import MM, TIMELINE, Curve, Plot, Times
 from feeder_sim.replay.seed_view import SeedView
 
 OTHER_SEEDS = (150, 150, 150, 140)
-COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on_the_plate": (120, 120, 130), "isolated": (40, 90, 190)}
+COUNTS = {
+    "picked": (40, 160, 60),
+    "through_outlets": (179, 89, 0),
+    "lost": (190, 60, 60),
+    "on_the_plate": (120, 120, 130),
+    "isolated": (40, 90, 190),
+}
 WINDOW_S = 1.0  # of the plots of a guided part, whose hops are many
 
 
@@ -56,7 +62,7 @@ def crowd_plot(view: SeedView, times: Times) -> Plot:
         Curve(name, name.replace("_", " "), COUNTS[name], 2.0, values.astype(float), times)
         for name, values in _numbers(view).items()
     ]
-    return Plot("counts", "Parts picked, lost, on the plate, isolated", curves, legend=True)
+    return Plot("counts", "Parts picked, through outlets, lost, on the plate, isolated", curves, legend=True)
 
 
 def _of_seeds(
@@ -80,14 +86,15 @@ def _of_seeds(
 
 
 def _numbers(view: SeedView) -> dict[str, NDArray[np.int64]]:
-    """Parts picked, lost and on the plate, each (frames,); and isolated, where a pick has a clearance."""
+    """Parts picked, lost and on the plate, each (frames,); through outlets, and isolated, where the scenario says."""
     frames, removals = view.record.frames, view.record.removals
-    picked, lost = (
+    picked, lost, through = (
         np.searchsorted(np.sort(removals.time[removals.cause == cause]), frames.time, side="right")
-        for cause in (Cause.PICKED, Cause.LOST)
+        for cause in (Cause.PICKED, Cause.LOST, Cause.OUTLET)
     )
     on_plate = frames.on_plate(view.plate, -view.plate.trough)
     numbers = {"picked": picked, "lost": lost, "on_the_plate": on_plate.sum(axis=1)}
+    numbers |= {"through_outlets": through} if view.plate.outlets else {}
     clearance = next((stage.clearance for stage in view.times.stages if stage.clearance is not None), None)
     if clearance is not None:
         nearest = [nearest_neighbours(p[parts, :2]) for p, parts in zip(frames.position, on_plate, strict=True)]

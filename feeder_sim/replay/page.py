@@ -25,7 +25,7 @@ from feeder_sim.replay.seed_view import SeedView
 PLACE, TURN = 200.0, 256.0  # steps of a place over 1 mm, and of a component of an attitude over 1, that are kept
 SPAN = 2.0  # of what is shown, in the units of the page: its player moves and clips for scenes of about this size
 ASPECT = 1.5  # width over height of the page
-WIDTHS = {"paths": 0.4, "plate": 2.0, "picked": 2.5}  # of lines [pixels], by the begin of their path
+WIDTHS = {"paths": 0.4, "plate": 2.0, "outlets": 2.0, "picked": 2.5}  # of lines [pixels], by the begin of their path
 MOST_POINTS = 1500  # of a line
 GAMMA = 2.2  # by which the player takes the colours of instances for others
 

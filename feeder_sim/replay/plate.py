@@ -20,7 +20,7 @@ from feeder_sim.replay.seed_view import PERIOD_S, PICTURES, SeedView
 
 POINTS = 61  # largest number of grid points per axis of the plate, where it is drawn again and again
 HEIGHT = 0.06  # of the highest crest as drawn, over the length of the plate
-PLATE_GREY, NODE, FIXTURE = (190, 190, 195), (20, 20, 20), (120, 130, 145)
+PLATE_GREY, NODE, FIXTURE, OUTLET = (190, 190, 195), (20, 20, 20), (120, 130, 145), (179, 89, 0)
 ENVELOPE_POINTS = 2001
 STANDING = 0.9  # smallest standing share of a wave that is drawn as a standing one, with signs
 COLOUR_STEP = 0.04  # of the largest amplitude; the plate is coloured again when an amplitude has changed by so much
@@ -50,6 +50,13 @@ def fixture_entries(view: SeedView) -> Iterator[Entry]:
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         vertices, triangles = MM * corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3)
         yield f"fixtures/{fixture.name}", Mesh(vertices, triangles, FIXTURE, normals=np.repeat(normals, 3, axis=0)), {}
+
+
+def outlet_entries(view: SeedView) -> Iterator[Entry]:
+    """Where parts leave, as a line just above the plate."""
+    for name, corners in view.plate.outlets.items():
+        closed = np.concatenate([corners, corners[:1]])
+        yield f"outlets/{name}", Lines([_raised(closed, NODE_HEIGHT_MM)], OUTLET, 0.3, name), {}
 
 
 def coarse_plate_entries(view: SeedView) -> Iterator[Entry]:

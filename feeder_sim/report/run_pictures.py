@@ -165,7 +165,8 @@ def _moments(run: RecordedRun) -> Figure:
     by_pose = default_colour(scenario) == "pose"
     meaning = f" Colours are {'the stable poses in which they lie' if by_pose else 'the kinds'}."
     legend = meaning if len(colours.entries) > 1 else ""
-    picks = " Green rings are around parts that are picked at that moment." if len(record.removals.time) else ""
+    has_picks = (record.removals.cause == Cause.PICKED).any()
+    picks = " Green rings are around parts that are picked at that moment." if has_picks else ""
     return Figure(
         draw,
         height=height,

@@ -80,6 +80,7 @@ def plausibility_warnings(scene: Scene) -> Iterator[str]:
         if mode.doubt:
             yield f"{key}: {mode.doubt}"
     yield from _jump_warnings(scene)
+    yield from _outlet_warnings(scene)
     if isinstance(plate, Strip | BendingPlate):
         material = resolve_material(plate.material)
         speed = largest_together(scene.times, scene.all_drives, speeds=True)
@@ -115,6 +116,21 @@ def _jump_warnings(scene: Scene) -> Iterator[str]:
         f"ring_up: is false, and the surface jumps by up to {1e6 * size:.3g} um at {name}{time:.6g} s{more}: parts on "
         "it may be stopped as too deep in the plate; ring_up = true, or a duration of whole half periods, avoids it"
     )
+
+
+def _outlet_warnings(scene: Scene) -> Iterator[str]:
+    """A line for each outlet that no part can reach: beyond a rim, or within a fixture."""
+    half = 0.5 * np.array([scene.surface.length, scene.surface.width])
+    for i, outlet in enumerate(scene.outlets):
+        is_beyond = (outlet.outline.min(axis=0) >= half) | (outlet.outline.max(axis=0) <= -half)
+        if scene.rim and is_beyond.any():
+            yield f"outlet[{i}]: lies beside the plate, whose rim no part passes: nothing reaches it"
+        corners = [[x, y, z] for x, y in outlet.outline for z in (outlet.low, outlet.high)]
+        for fixture in scene.fixtures if np.isfinite(outlet.low) else ():
+            from scipy.spatial import Delaunay
+
+            if any(Delaunay(body).find_simplex(corners).min() >= 0 for body in fixture.in_space):
+                yield f"outlet[{i}]: lies within {fixture.name}: nothing reaches it"
 
 
 def _start_warnings(scene: Scene) -> Iterator[str]:

@@ -424,4 +424,5 @@ def plate_record(prepared: Prepared) -> PlateRecord:
         drives=prepared.scene.drives,
         outline=surface.outline,
         fixtures=tuple(FixtureRecord(each.name, *each.mesh) for each in prepared.scene.fixtures),
+        outlets={outlet.name: outlet.outline for outlet in prepared.scene.outlets},
     )

@@ -33,6 +33,7 @@ from feeder_sim.run.guard import Guard
 from feeder_sim.run.watchdog import Watchdog
 from feeder_sim.scenario import Pick
 from feeder_sim.scene.cell import PASSAGE_TO
+from feeder_sim.scene.outlet import NO_OUTLET, outlet_numbers
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import refill, refill_frames
 from feeder_sim.scene.scene import Scene
@@ -168,7 +169,8 @@ class SeedRun:
         self._engine: Engine = start(self._scene, rng, threads=self._threads, interrupt=self._interrupt)
         self._first = self._engine.current()
         self._guard = Guard(self._prepared, self._first)
-        self._history.append(Seed(self._first.as_stored()))
+        removals = joined([no_events(REMOVALS), *self._remove_through(self._first)])
+        self._history.append(Seed(self._first.as_stored(), removals=removals))
 
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> Seed:
         """Everything, with how it ended."""
@@ -184,7 +186,9 @@ class SeedRun:
             return None
         frames, failure = self._valid(*computed)
         last_frame = self._history.n_frames + len(frames) - 1
-        removals = [*self._remove_lost(frames), *(() if failure else self._remove_picked(frames, last_frame))]
+        removals = self._remove_lost(frames)
+        if not failure:
+            removals += [*self._remove_through(frames), *self._remove_picked(last_frame)]
         arrivals = no_events(ARRIVALS) if failure else self._fill_in(frames, last_frame)
         removals = joined([no_events(REMOVALS), *removals])
         status = self._judged(frames, removals, failure)
@@ -206,8 +210,8 @@ class SeedRun:
     def _compute(self, stop: threading.Event) -> tuple[Frames, SimulationDiverged | None] | None:
         """Compute a block in pieces that take about `PIECE_S` each, so that slow ones show progress and can be stopped.
 
-        Pieces change nothing: what acts on the parts does so between blocks. Returns the frames, fewer where the next
-        one does not come, and then why; None where it was stopped.
+        Pieces change nothing: what acts on the parts does so between blocks. Returns the frames: fewer where a part
+        enters an outlet, or the next one does not come, and then why; None where it was stopped.
         """
         size, pieces, computed = self._block_size(), [], 0
         piece, elapsed = min(size, self._piece), 0.0
@@ -215,9 +219,10 @@ class SeedRun:
             if elapsed > 0.3 * PIECE_S and stop.is_set():  # a short block is soon over
                 return None
             started = time.perf_counter()
-            self._watchdog.begin()
-            pieces.append(self._engine.advance(piece))
+            pieces.append(self._advance_engine(piece))
             stalled = self._watchdog.end()
+            if self._entered(pieces[-1]).any():
+                break
             if len(pieces[-1]) < piece:
                 return (Frames.joined(pieces), self._stalled()) if stalled else None
             if self._interrupt[ENDED]:
@@ -228,6 +233,20 @@ class SeedRun:
             self._piece = max(1, int(piece * min(GROWTH, PIECE_S / max(elapsed, 1e-9))))
             piece = min(size - computed, self._piece)
         return (Frames.joined(pieces) if len(pieces) > 1 else pieces[0]), None
+
+    def _advance_engine(self, n_frames: int) -> Frames:
+        """The next frames of the engine; with outlets one by one, up to the first in which a part has entered one."""
+        step, pieces = 1 if self._scene.outlets else n_frames, []
+        for _ in range(0, n_frames, step):
+            self._watchdog.begin()
+            pieces.append(self._engine.advance(step))
+            if len(pieces[-1]) < step or self._entered(pieces[-1]).any():
+                break
+        return Frames.joined(pieces) if len(pieces) > 1 else pieces[0]
+
+    def _entered(self, frames: Frames) -> NDArray[np.bool_]:
+        """Which parts are in an outlet in the last of some frames, (parts,)."""
+        return outlet_numbers(self._scene.outlets, frames) != NO_OUTLET
 
     def _stalled(self) -> SimulationDiverged:
         """Why there is no next frame; the fastest part is taken for the cause."""
@@ -255,6 +274,7 @@ class SeedRun:
     def _remove_lost(self, frames: Frames) -> list[Events]:
         """Take out what has reached the floor; it is gone from the frames after that."""
         lost = self._guard.lost(len(frames))
+        lost[-1:, self._entered(frames)] = False
         if not lost.any():
             return []
         parts = np.flatnonzero(lost.any(axis=0))
@@ -265,12 +285,21 @@ class SeedRun:
         order = np.argsort(rows, kind="stable")
         return [removed(parts[k : k + 1], float(frames.time[rows[k]]), Cause.LOST) for k in order]
 
-    def _remove_picked(self, frames: Frames, last_frame: int) -> list[Events]:
+    def _remove_through(self, frames: Frames) -> list[Events]:
+        """Take out what is in an outlet in the last frame of the block; none was in an earlier one."""
+        number = outlet_numbers(self._scene.outlets, frames)
+        parts = np.flatnonzero(number != NO_OUTLET)
+        if not len(parts):
+            return []
+        self._engine.remove(parts)
+        return [removed(parts, float(frames.time[-1]), Cause.OUTLET, number[parts])]
+
+    def _remove_picked(self, last_frame: int) -> list[Events]:
         """Pick at the last frame of the block, if it is time to."""
         picks = pick_frames(self._scene).get(last_frame)
         if picks is None:
             return []
-        last = frames[slice(-1, None)]
+        last = self._engine.current()
         picked = pickable(self._scene, picks, last)
         if len(picked):
             self._engine.remove(picked)

@@ -72,7 +72,8 @@ def _check_scenario(scenario: Scenario, tracks: int, file: Path) -> None:
         allowed = f"must be the {scenario.n_parts} parts of the scenario, or a scenario of one"
         raise InputError(f"has {tracks} tracks, {allowed}", file=file)
     picks = bool(scenario.schedule and scenario.schedule.picks)
-    for key, is_there in (("refill", scenario.refill is not None), ("schedule.stage.pick", picks)):
+    takes = {"refill": scenario.refill is not None, "schedule.stage.pick": picks, "outlet": bool(scenario.outlets)}
+    for key, is_there in takes.items():
         if is_there:
             raise InputError("says who took a part away, tracks do not; must be a scenario without it", key=key)
     if any(part.guide is not None for part in scenario.part):

@@ -1,6 +1,7 @@
 """Scenario files: TOML -> frozen, validated values. The only room that knows pydantic; keys carry their units."""
 
 from feeder_sim.scenario.material import CustomMaterial, resolve_material
+from feeder_sim.scenario.outlet import Outlet
 from feeder_sim.scenario.part import GivenState, Heap, PartTable, Placed, Scattered, Slide, Start, Tube
 from feeder_sim.scenario.plate import (
     Actuator,
@@ -61,6 +62,7 @@ __all__ = [
     "MeshPart",
     "ModePlate",
     "MujocoSettings",
+    "Outlet",
     "PartSpec",
     "PartTable",
     "Placed",

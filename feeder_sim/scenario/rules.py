@@ -112,8 +112,10 @@ def _around_the_plate(s: Scenario) -> Broken:
         yield "robot belongs to a [schedule] with a pick"
     if refill is None:
         return
-    if s.schedule is None:
-        yield "refill belongs to a [schedule], at the end of whose cycles new parts come"
+    if s.schedule is None and refill.every_s is None:
+        yield "refill.every_s", "a number from 0.01 on without a [schedule], at the end of whose cycles new parts come"
+    if s.schedule is not None and refill.every_s is not None:
+        yield "refill.every_s", "none with a [schedule], at the end of whose cycles new parts come"
     for key in ("to", "below"):
         if (getattr(refill, key) or 0) > s.n_parts:
             yield f"refill.{key}", f"up to {s.n_parts}, the parts of all tables together"
@@ -148,6 +150,11 @@ def _beside_fixtures(s: Scenario) -> Broken:
     for i, part in enumerate(s.part):
         if part.in_steps or part.lonely:
             yield f"part[{i}].shape", "one of corners or a ball with [[fixture]]"
+
+
+def _beside_outlets(s: Scenario) -> Broken:
+    if s.outlet and s.guide is not None:
+        yield "part[0].guide", "none with [[outlet]]"
 
 
 def _guides(s: Scenario) -> Broken:
@@ -398,6 +405,7 @@ RULES: dict[Level, tuple[Rule, ...]] = {
             _tables,
             _around_the_plate,
             _beside_fixtures,
+            _beside_outlets,
             _guides,
             _trays,
             _rims,

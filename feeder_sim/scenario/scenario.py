@@ -18,6 +18,7 @@ from feeder_sim.errors import InputError, check_type, path_of_user
 from feeder_sim.example_files import scenario_path
 from feeder_sim.scenario.changes import changed_values, check_variable
 from feeder_sim.scenario.fixture import MAX_FIXTURES, Fixture
+from feeder_sim.scenario.outlet import MAX_OUTLETS, Outlet
 from feeder_sim.scenario.part import Heap, Scattered, Slide, Tube
 from feeder_sim.scenario.plate import (
     MOST_DRIVES,
@@ -125,6 +126,7 @@ class Scenario(Table):
     schedule: Schedule | None = None
     part: Annotated[tuple[PartSpec, ...], Field(min_length=1, max_length=100)]
     fixture: Annotated[tuple[Fixture, ...], Field(min_length=1, max_length=MAX_FIXTURES)] | None = None
+    outlet: Annotated[tuple[Outlet, ...], Field(min_length=1, max_length=MAX_OUTLETS)] | None = None
     contact: Contact = Contact()
     mujoco: MujocoSettings = MujocoSettings()
     goal: Goal | None = None
@@ -157,6 +159,11 @@ class Scenario(Table):
     def fixtures(self) -> tuple[Fixture, ...]:
         """What stands on the plate."""
         return self.fixture or ()
+
+    @property
+    def outlets(self) -> tuple[Outlet, ...]:
+        """Where parts leave."""
+        return self.outlet or ()
 
     @property
     def kind_names(self) -> tuple[str, ...]:
@@ -238,13 +245,19 @@ class Scenario(Table):
             if name in names[:i]:
                 number = i if self.part[i].name else names.index(name)
                 raise ValueError(f'part[{number}].name is "{name}", must be a name of its own')
+        outlets = [outlet.name for outlet in self.outlets]
+        for i, name in enumerate(outlets):
+            if name in outlets[:i]:
+                raise ValueError(f'outlet[{i}].name is "{name}", must be a name of its own')
         return self
 
     @model_validator(mode="after")
     def _picks_of_kinds(self) -> Self:
         names = self.kind_names
         kinds = ", ".join(names)
-        for key, pick in self.schedule.picks if self.schedule else ():
+        picks: list[tuple[str, Pick | Outlet]] = [*(self.schedule.picks if self.schedule else ())]
+        picks += [(f"outlet[{i}]", outlet) for i, outlet in enumerate(self.outlets)]
+        for key, pick in picks:
             if pick.part is not None and pick.part not in names:
                 raise ValueError(f'{key}.part is "{pick.part}", must be {kinds}')
             if pick.up and pick.part is None and len(names) > 1:

@@ -16,15 +16,18 @@ from feeder_sim.scenario.tables import DurationS, Flag, LengthMm, NonNegative, P
 
 PourSpec = Annotated[Annotated[Scattered, Tag("scattered")] | Annotated[Heap, Tag("heap")], Discriminator(start_kind)]
 Number = Annotated[int, Field(ge=1, le=MAX_PARTS, strict=True)]
+EverySeconds = Annotated[float, Field(ge=0.01, le=1e5, strict=True)]
 
 
 class Refill(Table):
-    """New parts at the end of a cycle, after its last pick, when fewer than `below` are on the plate.
+    """New parts when fewer than `below` are on the plate, at the end of a cycle, after its last pick.
 
+    Without a schedule they come at the first frame at or after each multiple of `every_s`.
     The part tables say how many of each kind may be on the plate at once; of which kinds the new ones are is drawn in
     proportion to these numbers.
     """
 
+    every_s: EverySeconds | None = None
     to: Number | None = None
     below: Number | None = None
     start: PourSpec | None = None

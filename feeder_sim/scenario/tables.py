@@ -244,7 +244,7 @@ def _locate(root: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[type[Bas
     for depth, element in enumerate(loc):
         if isinstance(element, int):
             key += f"[{element}]"
-        elif variants and element in (*variants, "name"):
+        elif element in variants or (element == "name" and table is not None and "name" not in table.model_fields):
             table, variants = variants.get(element), _Variants()
         else:
             key += f".{element}" if key else element

@@ -12,7 +12,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import AXES
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import GivenState, Heap, PartSpec, Pick, Placed, Scattered, Scenario, Start, Tube
+from feeder_sim.scenario import GivenState, Heap, Outlet, PartSpec, Pick, Placed, Scattered, Scenario, Start, Tube
 from feeder_sim.scene.gripper import read_gripper
 
 if TYPE_CHECKING:
@@ -78,15 +78,15 @@ def check_refill(scenario: Scenario, surface: Surface, kinds: Sequence[RigidPart
         check_width(start, min(kind.size for kind in kinds), key=key)
 
 
-def check_pick(scene: Scene, pick: Pick, key: str) -> None:
-    """Refuse one pick; `key` names it.
+def check_pick(scene: Scene, pick: Pick | Outlet, key: str) -> None:
+    """Refuse one pick, or what is right at an outlet; `key` names it.
 
     Raises:
         InputError: it names a kind that there is not, a pose that its part does not have, or a gripper that cannot be
             used.
     """
     names = scene.scenario.kind_names
-    if pick.shape is not None:
+    if isinstance(pick, Pick) and pick.shape is not None:
         read_gripper(pick.shape, key=f"{key}.shape")
     if pick.part is not None and pick.part not in names:
         raise InputError(f'is "{pick.part}", must be {", ".join(names)}', key=f"{key}.part")
@@ -105,11 +105,13 @@ def check_picks(scene: Scene) -> None:
 
     Raises:
         InputError: a stage with `until`, and a pick or a refill at its end, has a pause shorter than two frames, or a
-            pick names a pose that its part does not have, or a gripper that cannot be used.
+            pick or an outlet names a pose that its part does not have, or a gripper that cannot be used.
     """
     schedule = scene.scenario.schedule
     for key, pick in schedule.picks if schedule else ():
         check_pick(scene, pick, key)
+    for i, outlet in enumerate(scene.scenario.outlets):
+        check_pick(scene, outlet, f"outlet[{i}]")
     least = 2.0 * scene.frame_interval
     last = len(schedule.order) - 1 if schedule and scene.scenario.refill else None  # of a cycle, before a refill
     for stage in scene.times.stages:

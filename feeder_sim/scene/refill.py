@@ -1,22 +1,28 @@
-"""A refill: new parts over those that are on the plate, at the end of a cycle."""
+"""A refill: new parts over those that are on the plate, at the end of a cycle or every so often."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Heap, Scattered
-from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.scene import Scene, once_per_scene
 from feeder_sim.scene.start import Pose, Spheres, column, free_place, height_and_attitude, next_parts
 
 MAX_TRIES_OF_REFILL = 20_000  # places drawn for all parts of one refill before the plate counts as full
 
 
+@once_per_scene
 def refill_frames(scene: Scene) -> dict[int, int]:
-    """Frames at whose end parts are filled in, and the cycle that ends there; none after the last cycle."""
+    """Frames at whose end parts are filled in, and the number of the cycle or check; none at the end of a run."""
     if scene.scenario.refill is None:
         return {}
+    if every := scene.scenario.refill.every_s:
+        checks = [(scene.frame_at(k * every), k) for k in range(1, math.floor(scene.times.duration / every) + 1)]
+        return {frame: number for frame, number in checks if frame < scene.n_frames - 1}
     ends = {stage.cycle: stage.end for stage in scene.times.stages if stage.cycle}
     last = scene.times.stages[-1].cycle
     return {scene.frame_at(end): cycle for cycle, end in ends.items() if cycle < last}

@@ -26,6 +26,7 @@ from feeder_sim.scene.driven_mode import DrivenMode, free_modes
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.fits import check_goal, check_in_tube, check_on_plate, check_picks, check_refill
 from feeder_sim.scene.fixture import RigidFixture, build_fixtures
+from feeder_sim.scene.outlet import OutletVolume, build_outlets
 from feeder_sim.scene.part import build_part, zener_inelasticities
 from feeder_sim.scene.timetable import (
     FRAME_AT,
@@ -127,6 +128,7 @@ class Scene:
         parts: all rigid parts, in the order of their tables.
         guides: the guide of each part; None for a free one.
         fixtures: what stands on the plate.
+        outlets: where parts leave.
         timestep: solver step [s].
         steps_per_frame: solver steps between two recorded frames.
     """
@@ -140,6 +142,7 @@ class Scene:
     parts: tuple[RigidPart, ...]
     guides: tuple[Guide | None, ...]
     fixtures: tuple[RigidFixture, ...]
+    outlets: tuple[OutletVolume, ...]
     timestep: float
     steps_per_frame: int
 
@@ -309,6 +312,7 @@ def build_scene(scenario: Scenario) -> Scene:
         parts=tuple(replace(kinds[kind], name=f"part_{i:0{digits}d}") for i, kind in enumerate(kind_of)),
         guides=tuple(guides[kind] for kind in kind_of),
         fixtures=build_fixtures(scenario, plate.surface),
+        outlets=build_outlets(scenario),
         timestep=timestep,
         steps_per_frame=max(1, round(1.0 / (run.frames_per_second * timestep))),
     )
