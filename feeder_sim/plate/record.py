@@ -21,7 +21,7 @@ with the least accelerations is taken: engines bound a motion by the sum of the 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +48,7 @@ BEYOND = 6  # harmonics of a segment above its band
 SEGMENT_CUT = 1e-13  # of the largest singular value
 CALM = 30.0  # weight of the highest harmonic of a segment is the square of that
 NEGLIGIBLE = 1e-12  # of the largest displacement and of the largest acceleration: a term that is left out
+OVERLAP = 1e-6  # [s]
 MISSED, MISSED_SPEED = 0.01, 0.1  # of the largest: a sample or a speed that makes a jump
 STANDS_OUT = 6.0  # times the root mean square: a jump, and no noise
 AT_REST = 0.01  # of the largest speed
@@ -73,6 +74,19 @@ class Record:
     largest_time: NDArray[np.float64]
     final_speed: float
     missed: float
+
+    @property
+    def handed_over(self) -> ModalTerms:
+        """The terms as engines take them, which at the end of a window know none that begins there.
+
+        So every segment lasts a little longer, and terms that begin with the next one take it away. Engines also make
+        one term of those of one rate, until the first of them ends: every second segment has rates one bit higher.
+        """
+        terms, ends = self.terms, np.isfinite(self.terms.stop)
+        longer = replace(terms, stop=terms.stop + OVERLAP)
+        shape, start, stop, coefficient, rate = (getattr(terms, entry.name)[ends] for entry in fields(terms))
+        taken = -coefficient * np.exp(rate * (stop - start))
+        return longer.joined(ModalTerms(shape, stop, stop + OVERLAP, taken, rate))
 
     def bound(self, derivative: int) -> NDArray[np.float64]:
         """Bound on a derivative of the motion in every direction [m/s^n, rad/s^n], shape (6,)."""
@@ -258,12 +272,13 @@ def _segmented(curve: _Curve, duration: float, band: float, missed: float) -> Re
     end = curve.spectrum * np.exp(1j * curve.rate * duration)
     final = end.real.sum(axis=0) + polyval(duration, curve.powers)
     moved = np.flatnonzero(final)
+    number, every_rate = np.append(segment, np.full(len(moved), count)), np.append(rate[k], np.zeros(len(moved)))
     terms = ModalTerms(
         np.concatenate([shape, moved]),
         np.concatenate([start[segment], np.full(len(moved), duration)]),
         np.concatenate([start[segment + 1], np.full(len(moved), math.inf)]),
         np.concatenate([coefficient[counts], final[moved]]),
-        np.concatenate([1j * rate[k], 0j * moved]),
+        1j * np.where(number % 2, np.nextafter(every_rate, math.inf), every_rate),
     )
     place = curve.place(np.arange(math.floor(duration / spacing) + 1), n)
     fastest = np.abs(np.diff(place, axis=0)).max(axis=0) / spacing

@@ -162,7 +162,7 @@ def _from_record(drive: TrayExcitation, key: str, size: Sequence[float], arm: fl
         Follower(shapes[j], ModalDrive(0, f, f, float(bounds[j])))
         for j, f in zip(moving, frequency.tolist(), strict=True)
     )
-    terms = record.terms
+    terms = record.handed_over
     number = np.zeros(6, np.int64)
     number[moving] = np.arange(len(moving))
     warning = f"{record.missed:.1%} of its record are left out, above {drive.frequency_hz:g} Hz"
