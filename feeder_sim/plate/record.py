@@ -40,7 +40,8 @@ MOST_LINES = 1_000_000
 HIGHEST = 1.0 / 3.0  # of the rate of samples: limit of the band
 WHOLE, FADE = 1.2, 1.5  # times the limit: up to where all is taken, and from where on nothing
 BRIDGE = 10.0  # periods of the limit, from the end of a record to its begin; fitted to twice as much on both sides
-BRIDGE_CUT = 1e-10  # of the largest singular value
+BRIDGE_CUTS = 1e-10, 1e-8, 1e-6, 1e-4, 1e-2  # of the largest singular value: less follows noise into the bridge
+HIGH_BRIDGE = 5.0  # times the largest sample beside it
 SHORTEST, PERIODS = 0.1, 15.0  # [s], and in periods of the end of the band: length of a segment
 FINE = 6.0  # samples of a segment in a period of the end of the band
 MARGIN = 0.1  # of a segment, on both of its sides
@@ -202,8 +203,12 @@ def _bridge(values: NDArray[np.float64], limit: float) -> NDArray[np.float64]:
     at = np.concatenate([np.arange(-known, 0), np.arange(gap, gap + known)])
     harmonic = np.arange(math.ceil(WHOLE * limit * n) + 1)
     samples = np.concatenate([values[-known:], values[:known]])
-    fitted = np.linalg.lstsq(_waves(at / n, harmonic), samples, BRIDGE_CUT)[0]
-    return np.asarray(_waves(np.arange(gap) / n, harmonic) @ fitted)
+    beside, between = _waves(at / n, harmonic), _waves(np.arange(gap) / n, harmonic)
+    for cut in BRIDGE_CUTS:
+        bridge = between @ np.linalg.lstsq(beside, samples, cut)[0]
+        if np.abs(bridge).max() <= HIGH_BRIDGE * np.abs(samples).max():
+            break
+    return np.asarray(bridge)
 
 
 def _waves(turns: NDArray[np.float64], harmonic: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -224,7 +229,7 @@ def _missed(apart: NDArray[np.float64], values: NDArray[np.float64], spacing: fl
         if over.max() > 1.0:
             line = int(over.max(axis=1).argmax())
             raise InputError(
-                f"jumps at {1e3 * spacing * line:.6g} ms, in {COLUMNS[over[line].argmax()].partition('_')[0]}, must be "
+                f"jumps near {1e3 * spacing * line:.6g} ms, in {COLUMNS[over[line].argmax()].partition('_')[0]}, must be "
                 "a motion within frequency_hz",
                 file=path,
             )
