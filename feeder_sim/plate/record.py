@@ -63,8 +63,8 @@ class Record:
         terms: their shapes are the directions: moves along x, y, z [m] and turns about them [rad]; after the last
             segment the motion stays where it is.
         duration: [s].
-        largest: displacement of every direction [m, rad], shape (6,).
-        largest_time: when it is there [s], shape (6,).
+        largest: displacement, speed and acceleration of every direction [m, rad; over s, s^2], shape (3, 6).
+        largest_time: of the displacement [s], shape (6,).
         final_speed: over the largest of the direction [1].
         missed: root mean square of what is left out of a record, over that of the record [1].
     """
@@ -88,13 +88,6 @@ class Record:
         shape, start, stop, coefficient, rate = (getattr(terms, entry.name)[ends] for entry in fields(terms))
         taken = -coefficient * np.exp(rate * (stop - start))
         return longer.joined(ModalTerms(shape, stop, stop + OVERLAP, taken, rate))
-
-    def bound(self, derivative: int) -> NDArray[np.float64]:
-        """Bound on a derivative of the motion in every direction [m/s^n, rad/s^n], shape (6,)."""
-        begins, segment = np.unique(self.terms.start, return_inverse=True)
-        total = np.zeros((len(begins), 6))
-        np.add.at(total, (segment, self.terms.shape), np.abs(self.terms.coefficient * self.terms.rate**derivative))
-        return np.asarray(total.max(axis=0))
 
 
 @dataclass(frozen=True)
@@ -122,7 +115,7 @@ class _Curve:
     def from_rest(cls, acceleration: NDArray[np.complex128], period: float) -> _Curve:
         """The curve from rest with the accelerations [m/s^2, rad/s^2] of a spectrum (n, 6)."""
         curve = cls.from_zero(_twice_integrated(acceleration, period), period)
-        curve.powers[1] = -(1j * curve.rate * curve.spectrum).real.sum(axis=0)
+        curve.powers[1] = -curve.derivative.at(0.0)
         curve.powers[2] = 0.5 * acceleration[0].real
         return curve
 
@@ -130,6 +123,17 @@ class _Curve:
     def rate(self) -> NDArray[np.float64]:
         """Circular frequencies [rad/s], shape (n, 1)."""
         return np.asarray(2.0 * math.pi / self.period * np.arange(len(self.spectrum))[:, None], np.float64)
+
+    @property
+    def derivative(self) -> _Curve:
+        """Its rate of change."""
+        powers = np.zeros((3, 6))
+        powers[:2] = polyder(self.powers)
+        return _Curve(1j * self.rate * self.spectrum, self.period, powers)
+
+    def at(self, t: float) -> NDArray[np.float64]:
+        """At a time [s], shape (6,)."""
+        return np.asarray((self.spectrum * np.exp(1j * self.rate * t)).real.sum(axis=0) + polyval(t, self.powers))
 
     def place(self, number: NDArray[np.int64], n: int) -> NDArray[np.float64]:
         """At some of n even times of the period and of the next ones [m, rad], shape (..., 6)."""
@@ -228,9 +232,9 @@ def _missed(apart: NDArray[np.float64], values: NDArray[np.float64], spacing: fl
         over = np.where(largest > 0.0, np.abs(off) / np.where(least > 0.0, least, 1.0), 0.0)
         if over.max() > 1.0:
             line = int(over.max(axis=1).argmax())
+            direction = COLUMNS[over[line].argmax()].partition("_")[0]
             raise InputError(
-                f"jumps near {1e3 * spacing * line:.6g} ms, in {COLUMNS[over[line].argmax()].partition('_')[0]}, must be "
-                "a motion within frequency_hz",
+                f"jumps near {1e3 * spacing * line:.6g} ms, in {direction}, must be a motion within frequency_hz",
                 file=path,
             )
     size = np.square(values - values.mean(axis=0)).mean(axis=0)
@@ -274,8 +278,7 @@ def _segmented(curve: _Curve, duration: float, band: float, missed: float) -> Re
     segment, k, shape = np.nonzero(counts)
     start = np.append(steps * spacing * np.arange(count), duration)
 
-    end = curve.spectrum * np.exp(1j * curve.rate * duration)
-    final = end.real.sum(axis=0) + polyval(duration, curve.powers)
+    final = curve.at(duration)
     moved = np.flatnonzero(final)
     number, every_rate = np.append(segment, np.full(len(moved), count)), np.append(rate[k], np.zeros(len(moved)))
     terms = ModalTerms(
@@ -285,15 +288,9 @@ def _segmented(curve: _Curve, duration: float, band: float, missed: float) -> Re
         np.concatenate([coefficient[counts], final[moved]]),
         1j * np.where(number % 2, np.nextafter(every_rate, math.inf), every_rate),
     )
-    place = curve.place(np.arange(math.floor(duration / spacing) + 1), n)
-    fastest = np.abs(np.diff(place, axis=0)).max(axis=0) / spacing
-    speed = np.abs((1j * curve.rate * end).real.sum(axis=0) + polyval(duration, polyder(curve.powers)))
-    at = np.abs(place).argmax(axis=0)
-    return Record(
-        terms,
-        duration,
-        np.abs(place).max(axis=0),
-        spacing * at,
-        float((speed / np.where(fastest > 0.0, fastest, 1.0)).max()),
-        missed,
-    )
+    rates = curve.derivative, curve.derivative.derivative
+    inside = np.arange(math.floor(duration / spacing) + 1)
+    place = np.abs(curve.place(inside, n))
+    largest = np.stack([place.max(axis=0), *(np.abs(rate_of.place(inside, n)).max(axis=0) for rate_of in rates)])
+    speed = np.abs(rates[0].at(duration)) / np.where(largest[1] > 0.0, largest[1], 1.0)
+    return Record(terms, duration, largest, spacing * place.argmax(axis=0), float(speed.max()), missed)

@@ -110,7 +110,7 @@ class DrivenMode:
         bounds: least and largest amplitude that a voltage may reach at resonance, over that of `drive` [1].
         doubt: what is odd about it, for people; "" for nothing.
         record: the motion itself where it has no period, with times from its start; its shapes are numbers of `drives`,
-            which are then only bounds: of the amplitude, and with the frequency of the acceleration.
+            which then only say how far and fast it goes at most.
     """
 
     label: str

@@ -137,7 +137,7 @@ def _from_record(drive: TrayExcitation, key: str, size: Sequence[float], arm: fl
     else:
         record = read_record(read_text(path), path, drive.frequency_hz)
     arms = np.array([1.0, 1.0, 1.0, arm, arm, arm])
-    largest = record.largest * arms
+    largest, speed, acceleration = record.largest * arms
     if not largest.any():
         raise InputError("moves nothing, must be a table with a motion in it", file=path)
     farthest = int(largest.argmax())
@@ -154,13 +154,12 @@ def _from_record(drive: TrayExcitation, key: str, size: Sequence[float], arm: fl
             file=path,
         )
     moving = np.array(sorted(np.flatnonzero(largest), key=lambda direction: -largest[direction]))
-    bounds, accelerations = record.bound(0) * arms, record.bound(2) * arms
-    # As fast as it takes for the acceleration; the bound on the speed is no more than the root of both.
-    frequency = np.sqrt(accelerations[moving] / bounds[moving]) / (2.0 * math.pi)
+    # An oscillation that is as far, and at least as fast, in speed and in acceleration.
+    rate = np.maximum(speed[moving] / largest[moving], np.sqrt(acceleration[moving] / largest[moving]))
     shapes = _shapes(size, arm)
     main, *others = (
-        Follower(shapes[j], ModalDrive(0, f, f, float(bounds[j])))
-        for j, f in zip(moving, frequency.tolist(), strict=True)
+        Follower(shapes[j], ModalDrive(0, frequency, frequency, float(largest[j])))
+        for j, frequency in zip(moving, (rate / (2.0 * math.pi)).tolist(), strict=True)
     )
     terms = record.handed_over
     number = np.zeros(6, np.int64)
