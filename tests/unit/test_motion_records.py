@@ -58,7 +58,7 @@ def moved(record: Record, t: Array, order: int = 0) -> Array:
 
 
 def test_a_block_slides_by_a_record_of_a_sinusoid_as_by_the_sinusoid(tmp_path: Path) -> None:
-    way = 150.0 * np.sin(2.0 * math.pi * 50.0 * 1e-3 * np.arange(2001))
+    way = 150.0 * np.sin(2.0 * math.pi * 50.0 * 1e-3 * np.arange(2001.0))
     (tmp_path / "sine.csv").write_text(table({"x_um": way * math.cos(RISE), "z_um": way * math.sin(RISE)}))
     drives: list[Raw] = [
         {"frequency_hz": 50.0, "stroke_um": 150.0, "angle_deg": 20.0, "ring_up": False},
@@ -71,7 +71,7 @@ def test_a_block_slides_by_a_record_of_a_sinusoid_as_by_the_sinusoid(tmp_path: P
 
 
 def test_segments_join_in_place_speed_and_acceleration() -> None:
-    record = read_record(table({"x_um": 1e6 * beat(1e-3 * np.arange(3001))}), Path("r.csv"), 100.0)
+    record = read_record(table({"x_um": 1e6 * beat(1e-3 * np.arange(3001.0))}), Path("r.csv"), 100.0)
     for order, size in enumerate((170e-6, 0.056, 20.0)):
         terms = record.terms
         _, jump = replace(terms, coefficient=terms.coefficient * terms.rate**order).jumps(6)
@@ -80,7 +80,7 @@ def test_segments_join_in_place_speed_and_acceleration() -> None:
 
 def test_a_record_is_followed_between_its_lines_from_where_the_tray_stands() -> None:
     record, t = (
-        read_record(table({"x_um": 1e6 * beat(1e-3 * np.arange(3001))}), Path("r.csv"), 100.0),
+        read_record(table({"x_um": 1e6 * beat(1e-3 * np.arange(3001.0))}), Path("r.csv"), 100.0),
         np.arange(0, 3, 7e-4),
     )
     for order, size in enumerate((170e-6, 0.056, 20.0)):
@@ -89,7 +89,7 @@ def test_a_record_is_followed_between_its_lines_from_where_the_tray_stands() -> 
 
 
 def test_accelerations_move_as_the_displacements_from_rest_do() -> None:
-    t = 1e-3 * np.arange(2001)
+    t = 1e-3 * np.arange(2001.0)
     record = read_record(table({"z_g": beat(t, 2) / GRAVITY, "ry_rad_s2": beat(t, 2)}), Path("r.csv"), 100.0)
     expected = beat(t) - beat(np.zeros(1)) - t * beat(np.zeros(1), 1)
     motion = moved(record, t[:-1])
@@ -103,14 +103,14 @@ def shove(t: Array) -> Array:
 
 
 def test_a_tray_stays_where_a_record_ends_and_stops_with_its_drive(tmp_path: Path) -> None:
-    (tmp_path / "shove.csv").write_text(table({"x_um": shove(1e-3 * np.arange(1001))}))
+    (tmp_path / "shove.csv").write_text(table({"x_um": shove(1e-3 * np.arange(1001.0))}))
     drive = {"frequency_hz": 60.0, "motion_file": tmp_path / "shove.csv", "periodic": False, "start_s": 0.25}
     scene = build_scene(Scenario.model_validate(TRAY | {"drive": [drive | {"duration_s": 1.5}]}))
     place = [scene.surface.displacement(np.zeros((1, 2)), t)[0, 0] for t in (0.2, 0.75, 1.25, 1.6, 1.8)]
     np.testing.assert_allclose(place, [0.0, 150e-6, 300e-6, 300e-6, 0.0], atol=1e-9)
 
 
-T = 1e-3 * np.arange(2001)
+T = 1e-3 * np.arange(2001.0)
 REFUSED: list[tuple[Callable[[], str], Raw, str]] = [
     (lambda: table({"x_um": np.where(T < 0.7, 0.0, 100.0)}), {}, "motion.csv: jumps near 699 ms, in x"),
     (lambda: table({"x_um": 500.0 * np.abs(T - 0.7)}), {"frequency_hz": 100.0}, "motion.csv: jumps near ... ms, in x"),
