@@ -86,8 +86,8 @@ class Record:
         terms, ends = self.terms, np.isfinite(self.terms.stop)
         longer = replace(terms, stop=terms.stop + OVERLAP)
         shape, start, stop, coefficient, rate = (getattr(terms, entry.name)[ends] for entry in fields(terms))
-        taken = -coefficient * np.exp(rate * (stop - start))
-        return longer.joined(ModalTerms(shape, stop, stop + OVERLAP, taken, rate))
+        cancelling = -coefficient * np.exp(rate * (stop - start))
+        return longer.joined(ModalTerms(shape, stop, stop + OVERLAP, cancelling, rate))
 
 
 @dataclass(frozen=True)
@@ -266,10 +266,10 @@ def _segmented(curve: _Curve, duration: float, band: float, missed: float) -> Re
     rate = math.pi / (steps * spacing) * harmonic
     weight = 1.0 + np.square(CALM / harmonic[-1] * np.concatenate([harmonic, harmonic[1:]]))
     left, size, right = np.linalg.svd(_waves(points / (2.0 * steps), harmonic) / weight, full_matrices=False)
-    kept = size > SEGMENT_CUT * size[0]
+    significant = size > SEGMENT_CUT * size[0]
     # Factor by factor: their product would have errors of round-off over the smallest singular value.
-    fitted = np.einsum("spd,pk->skd", samples, left[:, kept], optimize=True) / size[kept, None]
-    fitted = np.einsum("skd,kh->shd", fitted, right[kept] / weight, optimize=True)
+    fitted = np.einsum("spd,pk->skd", samples, left[:, significant], optimize=True) / size[significant, None]
+    fitted = np.einsum("skd,kh->shd", fitted, right[significant] / weight, optimize=True)
     coefficient = fitted[:, : len(harmonic)].astype(complex)
     coefficient[:, 1:] += 1j * fitted[:, len(harmonic) :]
     counts = np.zeros(coefficient.shape, bool)

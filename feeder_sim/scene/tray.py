@@ -157,7 +157,7 @@ def _from_record(drive: TrayExcitation, key: str, size: Sequence[float], arm: fl
     # An oscillation that is as far, and at least as fast, in speed and in acceleration.
     rate = np.maximum(speed[moving] / largest[moving], np.sqrt(acceleration[moving] / largest[moving]))
     shapes = _shapes(size, arm)
-    main, *others = (
+    main, *followers = (
         Follower(shapes[j], ModalDrive(0, frequency, frequency, float(largest[j])))
         for j, frequency in zip(moving, (rate / (2.0 * math.pi)).tolist(), strict=True)
     )
@@ -169,7 +169,7 @@ def _from_record(drive: TrayExcitation, key: str, size: Sequence[float], arm: fl
         f"tray, by {path.name}, up to {drive.frequency_hz:g} Hz",
         main.shape,
         main.drive,
-        followers=tuple(others),
+        followers=tuple(followers),
         doubt=warning if record.missed > CLOSE else "",
         record=replace(terms, shape=number[terms.shape], coefficient=terms.coefficient * arms[terms.shape]),
     )
