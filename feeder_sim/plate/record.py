@@ -210,7 +210,7 @@ def _bridge(values: NDArray[np.float64], limit: float) -> NDArray[np.float64]:
     beside, between = _waves(at / n, harmonic), _waves(np.arange(gap) / n, harmonic)
     for cut in BRIDGE_CUTS:
         bridge = between @ np.linalg.lstsq(beside, samples, cut)[0]
-        if np.abs(bridge).max() <= HIGH_BRIDGE * np.abs(samples).max():
+        if (np.abs(bridge).max(axis=0) <= HIGH_BRIDGE * np.abs(samples).max(axis=0)).all():
             break
     return np.asarray(bridge)
 
