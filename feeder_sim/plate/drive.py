@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 # A free decay ends when it has fallen to exp(-DECAY_LENGTH) of its start, 4e-18, which is below round-off.
 DECAY_LENGTH = 40.0
+MOST_AT_ONCE = 10_000_000  # terms at times
 STRONG_DAMPING = 0.02  # ratio from which on a free motion may swing visibly beyond its start
 
 
@@ -112,6 +113,9 @@ class ModalTerms:
         The real part is q. For a single drive the modulus is the envelope of the oscillation.
         """
         t = np.atleast_1d(np.asarray(t, float))[:, None]
+        if len(t) > 1 and len(t) * len(self.start) > MOST_AT_ONCE:  # of many terms few act at times that are near
+            halves = np.array_split(t[:, 0], 2)
+            return np.concatenate([self._acting(half.min(), half.max()).phasor(half, n_shapes) for half in halves])
         active = (t >= self.start) & (t < self.stop)
         age = np.where(active, t - self.start, 0.0)
         values = np.where(active, self.coefficient * np.exp(self.rate * age), 0.0)
@@ -132,8 +136,18 @@ class ModalTerms:
 
     def since(self, time: float) -> ModalTerms:
         """The terms that act at a time [s] or later."""
-        acting = self.stop > time
+        return self._acting(time, math.inf)
+
+    def _acting(self, first: float, last: float) -> ModalTerms:
+        """The terms that act between two times [s]."""
+        acting = (self.stop > first) & (self.start <= last)
         return ModalTerms(*(getattr(self, entry.name)[acting] for entry in fields(self)))
+
+    def between(self, start: float, stop: float, shapes: NDArray[np.int64]) -> ModalTerms:
+        """These terms from a time on and up to another one [s]; `shapes` are the numbers of theirs."""
+        acting = self.start < stop - start
+        begins, ends = self.start[acting] + start, np.minimum(self.stop[acting] + start, stop)
+        return ModalTerms(shapes[self.shape[acting]], begins, ends, self.coefficient[acting], self.rate[acting])
 
     def joined(self, added: ModalTerms) -> ModalTerms:
         """These terms and others."""

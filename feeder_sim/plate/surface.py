@@ -110,9 +110,9 @@ class Surface:
         """How far below z = 0 the surface may be at any time and place, at most [m]."""
         terms = self.terms
         of_shape = np.abs(terms.coefficient)[:, None] * (terms.shape[:, None] == np.arange(self.n_shapes))
-        begins = np.unique(terms.start)[:, None]
-        acting = (terms.start <= begins) & (begins < terms.stop)  # which terms act changes for more only at a start
-        return float((acting @ of_shape @ self.extremes[0]).max(initial=0.0))
+        size = of_shape @ self.extremes[0]
+        begins = np.unique(terms.start)  # which terms act changes for more only at a start
+        return max((float(size[(terms.start <= t) & (t < terms.stop)].sum()) for t in begins), default=0.0)
 
     def deflection(self, shape: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Deflection w [1] of one mode shape at points (n, 2) [m], shape (n,)."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,19 +64,27 @@ class Waveform:
     left_out_frequency: float
 
 
-def read_waveform(text: str, path: Path, arm: float) -> Waveform:
-    """Read a table; `path` names it in messages, `arm` [m] is where turns are judged.
+def read_table(
+    text: str, path: Path, columns: Sequence[Sequence[str]], most: int, *, first: str = "t_ms"
+) -> tuple[list[str], NDArray[np.float64]]:
+    """Read columns of numbers: the first one, and some of one of several sets; `path` names the table in messages.
+
+    Returns:
+        The names of the columns, and the table, shape (lines, columns).
 
     Raises:
-        InputError: a line that is broken, with its number, or times that are not even.
+        InputError: other columns, more or fewer lines, a line that is broken, with its number, or uneven times.
     """
     check_commas(text, path)
     rows = [row for row in csv.reader(io.StringIO(text), skipinitialspace=True) if row and not row[0].startswith("#")]
     names = [name.strip() for name in rows[0]] if rows else []
-    if not names or names[0] != "t_ms" or not set(names[1:]) <= set(COLUMNS) or not 1 < len(names) == len(set(names)):
-        raise InputError(f"begins with {', '.join(names)!r:.80}, must be t_ms and {', '.join(COLUMNS)}", file=path)
-    if not FEWEST_LINES <= len(rows) - 1 <= MOST_LINES:
-        raise InputError(f"has {len(rows) - 1} lines, must be {FEWEST_LINES} to {MOST_LINES}", file=path)
+    fits = any(set(names[1:]) <= set(those) for those in columns) and 1 < len(names) == len(set(names))
+    if not fits or names[0] != first:
+        allowed = ", or ".join(", ".join(those) for those in columns)
+        raise InputError(f"begins with {', '.join(names)!r:.80}, must be {first} and {allowed}", file=path)
+    fewest = FEWEST_LINES if first == "t_ms" else 2
+    if not fewest <= len(rows) - 1 <= most:
+        raise InputError(f"has {len(rows) - 1} lines, must be {fewest} to {most}", file=path)
     table = np.empty((len(rows) - 1, len(names)))
     for number, row in enumerate(rows[1:]):
         try:
@@ -85,12 +94,22 @@ def read_waveform(text: str, path: Path, arm: float) -> Waveform:
         if not (np.abs(table[number]) <= LARGEST).all():
             raise InputError(f"line {number + 2}: is {','.join(row):.60}, must be {len(names)} numbers", file=path)
     steps = np.diff(table[:, 0])
-    if table[0, 0] != 0.0 or steps[0] <= 0.0 or (np.abs(steps / steps[0] - 1.0) > EVEN).any():
+    if first == "t_ms" and (table[0, 0] != 0.0 or steps[0] <= 0.0 or (np.abs(steps / steps[0] - 1.0) > EVEN).any()):
         raise InputError("has uneven times, must be times that begin at 0 and are evenly spaced", file=path)
+    return names, table
+
+
+def read_waveform(text: str, path: Path, arm: float) -> Waveform:
+    """Read a table; `path` names it in messages, `arm` [m] is where turns are judged.
+
+    Raises:
+        InputError: a line that is broken, with its number, or times that are not even.
+    """
+    names, table = read_table(text, path, (COLUMNS,), MOST_LINES)
     values = np.zeros((len(table), len(COLUMNS)))
     for name, column in zip(names[1:], table.T[1:], strict=True):
         values[:, COLUMNS.index(name)] = column * TO_SI[COLUMNS.index(name)]
-    period = 1e-3 * float(steps.mean()) * len(table)
+    period = 1e-3 * float(table[-1, 0]) / (len(table) - 1) * len(table)
     return _series(values - values.mean(axis=0), period, np.array([1.0, 1.0, 1.0, arm, arm, arm]))
 
 

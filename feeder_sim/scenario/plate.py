@@ -212,7 +212,7 @@ class ModePlate(Table):
 
 
 PLATE_LEVELS = ("amplitude_um", "voltage_vpp")
-TRAY_LEVELS = ("stroke_um", "turn_mrad", "motion_file")
+TRAY_LEVELS = ("stroke_um", "turn_mrad", "motion_file", "psd_file")
 
 
 class Oscillation(Table):
@@ -275,7 +275,8 @@ class TrayExcitation(Oscillation):
     """One motion of a tray at one frequency.
 
     `stroke_um` is its amplitude along a line, `turn_mrad` about an axis through its middle; `motion_file` is one period
-    of all six.
+    of all six, or without `periodic` a record of them; `psd_file` is a spectrum. Of the last two `frequency_hz` is the
+    limit of the band.
     """
 
     stroke_um: NonNegative | None = None
@@ -284,6 +285,9 @@ class TrayExcitation(Oscillation):
     turn_mrad: Annotated[float, Field(ge=0, le=MOST_TURN_MRAD, strict=True)] | None = None
     axis: Literal["x", "y", "z"] | None = None
     motion_file: Path | None = None
+    periodic: Flag = True
+    psd_file: Path | None = None
+    psd_seed: Annotated[int, Field(ge=0, strict=True)] = 0
 
     @model_validator(mode="after")
     def _one_motion(self) -> Self:
@@ -295,7 +299,20 @@ class TrayExcitation(Oscillation):
             raise ValueError("angle_deg and direction_deg belong to stroke_um, which is missing")
         if self.motion_file is not None and self.natural_frequency_hz is not None:
             raise ValueError("natural_frequency_hz does not go with motion_file, whose harmonics are as the table says")
+        if not self.periodic and self.motion_file is None:
+            raise ValueError("periodic is false, must be true without motion_file")
+        if self.psd_seed and self.psd_file is None:
+            raise ValueError(f"psd_seed is {self.psd_seed}, must be 0 without psd_file")
+        for key in ("natural_frequency_hz", "damping_ratio", "phase_deg") if self.is_record else ():
+            if getattr(self, key):
+                kind = "psd_file" if self.psd_file else "periodic = false"
+                raise ValueError(f"{key} is {getattr(self, key):g}, must be none with {kind}")
         return self
+
+    @property
+    def is_record(self) -> bool:
+        """Whether it moves the tray without a period."""
+        return self.psd_file is not None or not self.periodic
 
 
 def _either(names: Sequence[str]) -> str:

@@ -42,6 +42,7 @@ from feeder_sim.scenario.uncertain import Uncertain, with_draws
 
 # The files that a scenario reads: which they are, and the same scenario with other names for them.
 
+MOTION_FILES = ("motion_file", "psd_file")  # of a drive of a tray
 Change = Callable[[Path], Path]
 # Of contacts without a step, where the scenario does not say: of one part and on trays, and of several elsewhere.
 TOLERANCE_NM, TOLERANCE_OF_SEVERAL_NM = 0.1, 10.0
@@ -61,7 +62,8 @@ def input_files(scenario: Scenario) -> dict[str, Path]:
     if isinstance(scenario.plate, ModePlate):
         files["plate.mode_file"] = scenario.plate.mode_file
     motions = excitations_of(scenario, TrayExcitation)
-    files |= {f"{key}.motion_file": drive.motion_file for key, drive in motions if drive.motion_file}
+    for name in MOTION_FILES:
+        files |= {f"{key}.{name}": file for key, drive in motions if (file := getattr(drive, name))}
     for i, part in enumerate(scenario.part):
         files |= {f"part[{i}].{key}": file for key, file in part.files.items()}
     for i, fixture in enumerate(scenario.fixtures):
@@ -94,9 +96,7 @@ def with_files(scenario: Scenario, change: Change) -> Scenario:
 def _drives_with(drives: tuple[Driven, ...], change: Change) -> tuple[Driven, ...]:
     """The drives with other names for their tables of motion."""
     return tuple(
-        drive.model_copy(update={"motion_file": change(drive.motion_file)})
-        if isinstance(drive, TrayExcitation) and drive.motion_file is not None
-        else drive
+        drive.model_copy(update={name: change(file) for name in MOTION_FILES if (file := getattr(drive, name, None))})
         for drive in drives
     )
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError, Unknown
-from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.plate.drive import ModalDrive, ModalTerms
 from feeder_sim.plate.mode_file import ModeFile, Resonance
 from feeder_sim.plate.mode_shapes import ModeShape, RitzShape
 from feeder_sim.plate.response import (
@@ -109,6 +109,8 @@ class DrivenMode:
             out here; None where it is not known, without actuators.
         bounds: least and largest amplitude that a voltage may reach at resonance, over that of `drive` [1].
         doubt: what is odd about it, for people; "" for nothing.
+        record: the motion itself where it has no period, with times from its start; its shapes are numbers of `drives`,
+            which then only say how far and fast it goes at most.
     """
 
     label: str
@@ -118,6 +120,7 @@ class DrivenMode:
     left_out: float | None = None
     bounds: tuple[float, float] = (1.0, 1.0)
     doubt: str = ""
+    record: ModalTerms | None = None
 
     @property
     def drives(self) -> tuple[ModalDrive, ...]:

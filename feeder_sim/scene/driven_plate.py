@@ -109,7 +109,7 @@ def _tray(plate: RigidPlate, drives: TrayExcitations, times: Timetable) -> Drive
     Its lower end stays at z = 0.
     """
     size = plate.size
-    driven = [tray_motion(drive, key, size) for key, drive in drives]
+    driven = [tray_motion(drive, key, size, _longest(times, i)) for i, (key, drive) in enumerate(drives)]
     level = _tabulated(driven, drives, times, *size, math.inf, bends=False)
     if not plate.tilt_deg:
         return level
@@ -122,6 +122,12 @@ def _tray(plate: RigidPlate, drives: TrayExcitations, times: Timetable) -> Drive
     table[:n, 0] += slope * 0.5 * size[2] * table[:n, 1]  # an incline that moves along rises where one stays
     tilted = replace(surface, table=table, terms=surface.terms.joined(resting), resting=resting)
     return replace(level, surface=tilted)
+
+
+def _longest(times: Timetable, excitation: int) -> float:
+    """How long an excitation acts at most without a break [s]."""
+    acting = [o for o in times.occurrences if o.excitation == excitation]
+    return max((min(o.stop, times.duration) - o.start for o in acting), default=times.duration)
 
 
 def _from_modes(mode_file: ModeFile, drives: Excitations, times: Timetable, per_wavelength: int | None) -> DrivenPlate:
@@ -219,8 +225,15 @@ def motion_terms(driven: Sequence[DrivenMode], times: Timetable) -> ModalTerms:
         replace(drive, start=occurrence.start, stop=occurrence.stop)
         for occurrence in times.occurrences
         for drive in driven[occurrence.excitation].drives
+        if driven[occurrence.excitation].record is None
     )
-    return modal_terms(acting)
+    terms = modal_terms(acting)
+    for occurrence in times.occurrences:
+        mode = driven[occurrence.excitation]
+        if mode.record is not None:
+            shapes = np.array([drive.shape for drive in mode.drives])
+            terms = terms.joined(mode.record.between(occurrence.start, occurrence.stop, shapes))
+    return terms
 
 
 def _refuse(drive: Excitation, key: str, kind: str, *names: str) -> None:

@@ -1,9 +1,10 @@
-"""One excitation of a tray -> the rigid motions that it makes: along a line, about an axis, or from a table."""
+"""One excitation of a tray -> the rigid motions that it makes: along a line, about an axis, or from a file."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_shapes import Rigid
+from feeder_sim.plate.record import AT_REST, random_motion, read_record
 from feeder_sim.plate.waveform import CLOSE, read_waveform
 from feeder_sim.scenario import TrayExcitation
 from feeder_sim.scenario.tables import read_text
@@ -20,14 +22,15 @@ from feeder_sim.scene.driven_mode import DrivenMode, Follower
 LARGEST_STROKE = 0.02  # [m]
 DAMPING_RATIO = 0.1  # the amplitude is there within 1 / 2 pi zeta = 1.6 periods, but for 1/e of it
 SAME_PERIOD = 0.01  # relative
+SAME_DURATION = 1e-9  # relative
 MOVES = 1e-6  # of the largest of a harmonic; a smaller part of it is round-off
 MISSED = 0.05  # of the acceleration of a table: what is left out is said if it is more
 NOTHING = 0.01  # [m/s^2]; and more than this
 AXES = np.eye(3)
 
 
-def tray_motion(drive: TrayExcitation, key: str, size: Sequence[float]) -> DrivenMode:
-    """The motion of one drive; size: length, width and thickness of the tray [m].
+def tray_motion(drive: TrayExcitation, key: str, size: Sequence[float], duration: float) -> DrivenMode:
+    """The motion of one drive; size: length, width and thickness of the tray [m]; duration: of it at most [s].
 
     A turn is in the modal coordinate a way: what half of the longer side moves by. The tray swings up like an
     oscillator at its resonance, so that neither place nor speed jump.
@@ -36,6 +39,8 @@ def tray_motion(drive: TrayExcitation, key: str, size: Sequence[float]) -> Drive
         InputError: a motion that is too large, or a table that cannot be used.
     """
     arm = 0.5 * max(size[:2])
+    if drive.is_record:
+        return _from_record(drive, key, size, arm, duration)
     if drive.motion_file is not None:
         return _from_table(drive, key, size, arm)
     if drive.stroke_um is not None:
@@ -83,8 +88,7 @@ def _from_table(drive: TrayExcitation, key: str, size: Sequence[float], arm: flo
             f"{1e3 * wave.period:g} ms",
             key=f"{key}.frequency_hz",
         )
-    shapes = [Rigid(move=_three(axis), thickness=size[2]) for axis in AXES]
-    shapes += [Rigid((0.0, 0.0, 0.0), _three(axis / arm), size[2]) for axis in AXES]
+    shapes = _shapes(size, arm)
     coefficient = wave.coefficient * np.array([1.0, 1.0, 1.0, arm, arm, arm])
     largest = np.abs(coefficient).max(initial=0.0)
     if largest == 0.0:
@@ -122,6 +126,59 @@ def _from_table(drive: TrayExcitation, key: str, size: Sequence[float], arm: flo
         followers=tuple(motions[1:]),
         doubt="; ".join(warnings),
     )
+
+
+def _from_record(drive: TrayExcitation, key: str, size: Sequence[float], arm: float, duration: float) -> DrivenMode:
+    """The motion of a record or a spectrum: one shape for every direction in which it moves."""
+    path = drive.psd_file or drive.motion_file
+    assert path is not None
+    if drive.psd_file is not None:
+        record = random_motion(read_text(path), path, drive.frequency_hz, duration, drive.psd_seed)
+    else:
+        record = read_record(read_text(path), path, drive.frequency_hz)
+    arms = np.array([1.0, 1.0, 1.0, arm, arm, arm])
+    largest, speed, acceleration = record.largest * arms
+    if not largest.any():
+        raise InputError("moves nothing, must be a table with a motion in it", file=path)
+    farthest = int(largest.argmax())
+    if largest[farthest] > LARGEST_STROKE:
+        raise InputError(
+            f"moves the tray by {1e3 * largest[farthest]:.3g} mm after {record.largest_time[farthest]:.4g} s, must be "
+            f"up to {1e3 * LARGEST_STROKE:g} mm",
+            file=path,
+        )
+    if record.duration < duration * (1.0 - SAME_DURATION) and record.final_speed > AT_REST:
+        raise InputError(
+            f"ends after {record.duration:g} s with {record.final_speed:.0%} of its largest speed, must last "
+            f"{duration:g} s or end at rest",
+            file=path,
+        )
+    moving = np.array(sorted(np.flatnonzero(largest), key=lambda direction: -largest[direction]))
+    # An oscillation that is as far, and at least as fast, in speed and in acceleration.
+    rate = np.maximum(speed[moving] / largest[moving], np.sqrt(acceleration[moving] / largest[moving]))
+    shapes = _shapes(size, arm)
+    main, *followers = (
+        Follower(shapes[j], ModalDrive(0, frequency, frequency, float(largest[j])))
+        for j, frequency in zip(moving, (rate / (2.0 * math.pi)).tolist(), strict=True)
+    )
+    terms = record.handed_over
+    number = np.zeros(6, np.int64)
+    number[moving] = np.arange(len(moving))
+    warning = f"{record.missed:.1%} of its record are left out, above {drive.frequency_hz:g} Hz"
+    return DrivenMode(
+        f"tray, by {path.name}, up to {drive.frequency_hz:g} Hz",
+        main.shape,
+        main.drive,
+        followers=tuple(followers),
+        doubt=warning if record.missed > CLOSE else "",
+        record=replace(terms, shape=number[terms.shape], coefficient=terms.coefficient * arms[terms.shape]),
+    )
+
+
+def _shapes(size: Sequence[float], arm: float) -> list[Rigid]:
+    """Moves along x, y and z, and turns about them by which the arm [m] moves as far."""
+    moves = [Rigid(move=_three(axis), thickness=size[2]) for axis in AXES]
+    return moves + [Rigid((0.0, 0.0, 0.0), _three(axis / arm), size[2]) for axis in AXES]
 
 
 def _three(vector: NDArray[np.float64]) -> tuple[float, float, float]:
