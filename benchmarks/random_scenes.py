@@ -4,7 +4,8 @@
 
 Prints a row for each kind of scene, and every scene that fails; it is written as a scenario file that anyone can run.
 What must hold, and what the kinds are: tests/judged_scenes.py. Kinds of tests/judged_crowds.py, for several parts, of
-tests/judged_walls.py and of tests/judged_fixtures.py have to be asked for. With 5000 of each of the others it takes about two hours on two cores.
+tests/judged_walls.py and of tests/judged_fixtures.py have to be asked for. With 5000 of each of the others it takes
+about two hours on two cores.
 """
 
 from __future__ import annotations

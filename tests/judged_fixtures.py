@@ -1,4 +1,4 @@
-"""Random scenes of one to twelve parts beside one to six fixtures: they end, nothing goes through, energy does not grow.
+"""Random scenes of up to twelve parts beside up to six fixtures: they end, nothing goes through, energy does not grow.
 
     finding = judged("standing", 12)
 
@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 from judged_scenes import MODELS, PISTON, Finding, Rng, ball, corner_part, looked_at
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
+from trimesh.triangles import closest_point
 
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.fixture import RigidFixture
 from feeder_sim.scene.fixture_path import path_of
-from feeder_sim.scene.overlap import piece_depth
 from feeder_sim.scene.scene import Scene
 
 Raw = dict[str, Any]
@@ -134,9 +135,33 @@ def _in_fixtures(scene: Scene, frames: Frames) -> list[str]:
                     for body in bodies:
                         if _far(piece, body, part.corner_radius):
                             continue
-                        depth = piece_depth(piece, body) + part.corner_radius
+                        depth = _depth(piece, body, part.corner_radius)
                         deepest, name = max((deepest, name), (depth, fixture.name))
     return [f"a part is {1e6 * deepest:.3g} um in {name}"] if deepest > IN_FIXTURE else []
+
+
+def _depth(a: NDArray[np.float64], b: NDArray[np.float64], radius: float) -> float:
+    """How far a convex piece with spheres of a radius [m] around its corners is in a body [m], negative outside."""
+    hull = ConvexHull(b)
+    if len(a) == 1:
+        inside = float((hull.equations[:, :3] @ a[0] + hull.equations[:, 3]).max())
+        nearest = closest_point(b[hull.simplices], np.repeat(a, len(hull.simplices), axis=0))
+        return radius - (inside if inside < 0.0 else float(np.linalg.norm(nearest - a, axis=1).min()))
+    own = ConvexHull(a)
+    crossed = np.cross(_edges(a, own)[:, None], _edges(b, hull)[None]).reshape(-1, 3)
+    size = np.linalg.norm(crossed, axis=1)
+    crossed = crossed[size > 1e-6] / size[size > 1e-6, None]
+    axes = np.concatenate([own.equations[:, :3], -hull.equations[:, :3], crossed, -crossed])
+    return float(((a @ axes.T).max(axis=0) - (b @ axes.T).min(axis=0)).min()) + radius
+
+
+def _edges(points: NDArray[np.float64], hull: ConvexHull) -> NDArray[np.float64]:
+    """Directions of the edges of a hull, and of the diagonals of its faces (n, 3)."""
+    ends = np.unique(np.sort(hull.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    along = points[ends[:, 1]] - points[ends[:, 0]]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    along *= np.sign(along[:, :1] + 1e-3 * along[:, 1:2] + 1e-6 * along[:, 2:])
+    return np.unique(along.round(9), axis=0)
 
 
 def _far(a: NDArray[np.float64], b: NDArray[np.float64], radius: float) -> bool:

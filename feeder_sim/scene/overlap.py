@@ -180,10 +180,10 @@ def _corners(scene: Scene, part: int, place: Place) -> tuple[NDArray[np.float64]
 def _depth(a: RigidPart, place_a: Place, b: RigidPart, place_b: Place) -> float:
     """How far one of two overlapping parts has to be moved at most for none of their pieces to overlap [m]."""
     pieces = itertools.product(_pieces(a, *place_a), _pieces(b, *place_b))
-    return max(piece_depth(first, second) for first, second in pieces) + a.corner_radius + b.corner_radius
+    return max(_piece_depth(first, second) for first, second in pieces) + a.corner_radius + b.corner_radius
 
 
-def piece_depth(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def _piece_depth(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """The same for two sets of corners, (n, 3) and (m, 3) [m], along a face of either or the line of centres."""
     from scipy.spatial import ConvexHull, QhullError
 

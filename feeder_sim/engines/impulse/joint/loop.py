@@ -282,5 +282,6 @@ def _recheck(i, except_pair, t, queue, crowd, plate):
         if near:
             due = min(due, queue.tree[queue.tree.shape[0] // 2 + event])
             struck, repeats = crowd.pairs[p].struck, crowd.pairs[p].repeats
-            due = t if t < struck + SOON and (t > struck or repeats < REPEATS) else due
+            later = t > struck and not is_fixture(crowd.pairs[p].b, crowd)
+            due = t if t < struck + SOON and (later or repeats < REPEATS) else due
         set_due(queue.tree, event, due)
