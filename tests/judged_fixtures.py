@@ -174,5 +174,7 @@ def _in_space(scene: Scene, fixture: RigidFixture, t: float) -> list[NDArray[np.
     centre, attitude = fixture.pose(*path.at(t)) if path else (fixture.centre, fixture.attitude)
     bodies = [centre + body @ attitude.T for body in fixture.bodies]
     if fixture.moves:
-        bodies = [body + scene.surface.displacement(np.zeros((1, 2)), t)[0] for body in bodies]
+        middle = np.zeros((1, 2))
+        moved = scene.surface.displacement(middle, t)[0] - [0.0, 0.0, scene.surface.resting_height(middle)[0]]
+        bodies = [body + moved for body in bodies]
     return bodies

@@ -215,7 +215,7 @@ def _check_pair(event, t, queue, crowd, plate, tools, reach):
         if fixed:
             hit, n, wait = meet_fixture(pair, parts, kinds, SLOW, tools)
             if wait > 0.0:
-                set_due(queue.tree, event, t + wait)
+                set_due(queue.tree, event, min(t + wait, due))  # other points may come sooner
                 return left
             parting = parting_from_fixture(pair, parts, kinds, n, tools)
         else:
