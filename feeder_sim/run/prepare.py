@@ -17,7 +17,7 @@ from feeder_sim.scenario import BendingPlate, GivenState, MeshPart, Placed, Scen
 from feeder_sim.scenario.engine_choice import Choice, choose_engine
 from feeder_sim.scenario.rules import findings_of_level
 from feeder_sim.scene.cell import check_stop_rule, transport_cell
-from feeder_sim.scene.overlap import LEAST_IN_PLATE, overlaps, reaching_hulls
+from feeder_sim.scene.overlap import LEAST_IN_PLATE, check_fixtures, overlaps, reaching_hulls
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.start import start_poses
@@ -42,8 +42,9 @@ def check_plausible(scene: Scene) -> None:
 
     Raises:
         InputError: the drives together bend the plate by more than its thickness or move it absurdly fast, a drive
-            never acts, or a part is longer than its plate.
+            never acts, a part is longer than its plate, or fixtures are in each other.
     """
+    check_fixtures(scene)
     scenario, surface = scene.scenario, scene.surface
     keys = [key for key, _ in scenario.excitations]
     together = largest_together(scene.times, scene.all_drives)

@@ -37,7 +37,7 @@ def choose_engine(scenario: Scenario) -> Choice:
     has_many_parts = scenario.n_parts > 1 or scenario.refill is not None
     is_stepped_by_default = has_many_parts and scenario.plate.kind not in UNSTEPPED
     is_stepped = scenario.run.steps_per_period is not None or is_stepped_by_default or any(needs_steps(scenario))
-    if scenario.fixture:
+    if scenario.fixture or scenario.rim_of_fixtures:
         method = "joint"
     elif scenario.run.tolerance_nm is not None or not is_stepped:
         method = "joint" if has_many_parts else "exact"

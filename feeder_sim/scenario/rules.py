@@ -133,23 +133,29 @@ def _around_the_plate(s: Scenario) -> Broken:
 
 def _beside_fixtures(s: Scenario) -> Broken:
     """What does not go together with [[fixture]]."""
-    if not s.fixture:
+    if not s.fixture and not s.rim_of_fixtures:
         return
-    for key in ("steps_per_period",):
-        if getattr(s.run, key) is not None:
-            yield f"run.{key}", "none with [[fixture]], whose contacts have no steps"
+    kind = "[[fixture]]" if s.fixture else "a rim around a tray or an outline"
+    if s.run.steps_per_period is not None:
+        yield "run.steps_per_period", f"none with {kind}, whose contacts have no steps"
     for key in ("planar", "reaction"):
         if getattr(s.run, key):
-            yield f"run.{key}", "false with [[fixture]]"
+            yield f"run.{key}", f"false with {kind}"
     if s.run.engine == "mujoco" or s.contact.model == "compliant":
-        yield "fixture", 'none in MuJoCo: run.engine "impulse"'
+        yield "run.engine", f'"impulse" with {kind}'
     if s.guide is not None:
-        yield "part[0].guide", "none with [[fixture]]"
+        yield "part[0].guide", f"none with {kind}"
     if s.contact.restitution == "zener":
-        yield "contact.restitution", "a number with [[fixture]], which has no theory of its own"
+        yield "contact.restitution", f"a number with {kind}, which has no theory of its own"
     for i, part in enumerate(s.part):
         if part.in_steps or part.lonely:
-            yield f"part[{i}].shape", "one of corners or a ball with [[fixture]]"
+            yield f"part[{i}].shape", f"one of corners or a ball with {kind}"
+    names = set(s.schedule.stage_names) if s.schedule else set()
+    for i, fixture in enumerate(s.fixtures):
+        for name in fixture.opens.stages if fixture.opens else ():
+            if name not in names:
+                allowed = ", ".join(sorted(names)) or "there are none"
+                yield f"fixture[{i}].opens.stages", f"names of stages ({allowed}), {name!r} is none"
 
 
 def _beside_outlets(s: Scenario) -> Broken:
@@ -370,8 +376,6 @@ def _simplifications(s: Scenario) -> Broken:
         yield "schedule.by_hand", "a run of the scenario does not pick and fill in what a program did"
     if not s.run.in_plane_velocity and s.plate.kind not in ("piston", "still"):
         yield "run.in_plane_velocity", "drifts come out at a third of their speed or less"
-    if s.plate.kind == "tray" and _rim(s):
-        yield "plate.rim", "its walls stand still while the tray moves"
     if s.plate.kind == "strip" and s.run.planar:
         yield "run.planar", "over short waves drifts change by some percent"
 
@@ -395,8 +399,8 @@ def plate_with_outline(s: Scenario) -> Broken:
     why = "on a plate with holes or an outline of its own"
     if choose_engine(s).name == "mujoco":
         yield f'run.engine is "mujoco", must be "impulse" {why}: its parts meet whole rectangles'
-    if _rim(s):
-        yield "plate.rim", f"false {why}"
+    if _rim(s) and not s.rim_of_fixtures:
+        yield "plate.rim", f"false {why}, whose walls may be [[fixture]]"
 
 
 RULES: dict[Level, tuple[Rule, ...]] = {

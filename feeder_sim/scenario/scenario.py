@@ -156,6 +156,14 @@ class Scenario(Table):
         return sum(part.count for part in self.part)
 
     @property
+    def rim_of_fixtures(self) -> bool:
+        """Whether a rim is made of fixtures: around a tray, with which they move, or an outline."""
+        plate = self.plate
+        return bool(getattr(plate, "rim", False)) and (
+            plate.kind == "tray" or getattr(plate, "outline", None) is not None
+        )
+
+    @property
     def fixtures(self) -> tuple[Fixture, ...]:
         """What stands on the plate."""
         return self.fixture or ()

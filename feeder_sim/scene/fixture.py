@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Scenario
-from feeder_sim.scenario.fixture import FixtureTable
+from feeder_sim.scenario.fixture import ExtrusionFixture, FixtureTable
 
-IN_EACH_OTHER = 1e-6  # [m]; how deep fixtures may be in each other
+FOUNDATION = 1e-3  # [m]
+RIM_HEIGHT, RIM_THICKNESS = 0.5, 2e-3  # [m]
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,29 @@ def build_fixtures(scenario: Scenario, surface: Surface) -> tuple[RigidFixture, 
     Raises:
         InputError: a body without volume.
     """
-    return tuple(_built(table, number, scenario, surface) for number, table in enumerate(scenario.fixtures))
+    tables = [*scenario.fixtures, *(rim_walls(surface) if scenario.rim_of_fixtures else ())]
+    return tuple(_built(table, number, scenario, surface) for number, table in enumerate(tables))
+
+
+def rim_walls(surface: Surface) -> list[ExtrusionFixture]:
+    """A wall along each side of the outer edge of a plate, outside of it; their ends are mitred."""
+    half = 0.5 * np.array([surface.length, surface.width])
+    rectangle = half * [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+    ring = rectangle if surface.outline is None else surface.outline.rings[0]
+    side = np.roll(ring, -1, axis=0) - ring
+    if np.cross(ring, np.roll(ring, -1, axis=0)).sum() < 0.0:
+        ring, side = ring[::-1], -np.roll(side[::-1], -1, axis=0)
+    length = np.linalg.norm(side, axis=1, keepdims=True)
+    normal = np.column_stack([side[:, 1], -side[:, 0]]) / length
+    before = np.roll(normal, 1, axis=0)
+    mitre = (normal + before) / (1.0 + (normal * before).sum(axis=1, keepdims=True))
+    outer = ring + min(RIM_THICKNESS, 0.3 * float(length.min())) * mitre
+    walls = []
+    for i in range(len(ring)):
+        k = (i + 1) % len(ring)
+        points = tuple((1e3 * x, 1e3 * y) for x, y in np.array([ring[i], outer[i], outer[k], ring[k]]).tolist())
+        walls.append(ExtrusionFixture(shape="extrusion", name=f"rim_{i}", points_mm=points, height_mm=1e3 * RIM_HEIGHT))
+    return walls
 
 
 def _built(table: FixtureTable, number: int, scenario: Scenario, surface: Surface) -> RigidFixture:
@@ -89,6 +112,8 @@ def _built(table: FixtureTable, number: int, scenario: Scenario, surface: Surfac
     attitude = tilt @ _about_z(math.radians(table.turn_deg))
     foot = np.array([x, y, float(surface.resting_height(np.array([[x, y]]))[0])]) + tilt[:, 2] * z
     bodies = [1e-3 * np.array(body, float) for body in table.bodies()]
+    if table.foot_mm[2] == 0.0 and not table.moves_itself:
+        bodies = [_founded(body) for body in bodies]
     for body in bodies:
         if np.linalg.matrix_rank(body - body[0], tol=1e-9) < 3:
             raise InputError("has no volume", key=f"fixture[{number}]")
@@ -109,6 +134,14 @@ def _built(table: FixtureTable, number: int, scenario: Scenario, surface: Surfac
         moves=table.moves == "plate" and scenario.plate.kind == "tray" and not table.moves_itself,
         table=table,
     )
+
+
+def _founded(body: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Corners of a body (n, 3) [m] that goes on below the plate it stands on: nothing gets under it as that bends."""
+    is_foot = body[:, 2] <= 0.0
+    plain, foot = body[~is_foot], body[is_foot]
+    under = np.array([(np.abs(plain[:, :2] - corner[:2]) < 1e-12).all(axis=1).any() for corner in foot], bool)
+    return np.concatenate([plain, foot[~under], foot - [0.0, 0.0, FOUNDATION]])
 
 
 def _normals(points: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:

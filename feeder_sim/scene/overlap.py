@@ -83,6 +83,18 @@ def check_off_fixtures(scene: Scene, part: int, place: Place, key: str) -> None:
             raise InputError(f"lies in the fixture {fixture.name}, must be a place beside it", key=key)
 
 
+def check_fixtures(scene: Scene) -> None:
+    """Refuse fixtures that are in each other where they stand.
+
+    Raises:
+        InputError: two of them are.
+    """
+    fixtures = scene.fixtures[: len(scene.scenario.fixtures)]  # walls of a rim meet
+    for (_, one), (number, other) in itertools.combinations(enumerate(fixtures), 2):
+        if any(not _parted(*bodies, 0.0) for bodies in itertools.product(one.in_space, other.in_space)):
+            raise InputError(f"is in {one.name}, must be a place beside it", key=f"fixture[{number}].position_mm")
+
+
 def off_fixtures(scene: Scene, position: NDArray[np.float64], radius: float) -> bool:
     """Whether a sphere [m] is off the boxes around all fixtures."""
     for fixture in scene.fixtures:

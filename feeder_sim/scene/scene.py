@@ -216,8 +216,8 @@ class Scene:
 
     @property
     def rim(self) -> bool:
-        """Whether a wall stands around the plate."""
-        return bool(getattr(self.scenario.plate, "rim", False))
+        """Whether the four walls of a rectangle that stands stand around the plate; those of others are fixtures."""
+        return bool(getattr(self.scenario.plate, "rim", False)) and not self.scenario.rim_of_fixtures
 
     @cached_property
     def poses(self) -> tuple[PoseTable, ...]:
