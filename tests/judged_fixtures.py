@@ -4,7 +4,7 @@
 
 standing  fixtures of all shapes on a plate at rest
 moved     the same on a piston or a tray; of those on a tray some stand
-gates     on a plate at rest, of which some move by themselves: to and fro, or turning
+gates     on a plate at rest, of which one moves by itself: to and fro, or turning
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ Raw = dict[str, Any]
 IN_FIXTURE = 2e-6  # [m]
 LOOKS = 25  # frames of a scene in which depths are measured
 PLACES = [(x, y) for x in (-30.0, 0.0, 30.0) for y in (-30.0, 0.0, 30.0)]  # of fixtures [mm], out of each other
+AROUND = [(45.0, 0.0), (-45.0, 0.0), (0.0, 45.0), (0.0, -45.0), (45.0, 45.0)]
 
 
 def judged(kind: str, seed: int, law: str = "newton") -> Finding | None:
@@ -63,8 +64,10 @@ def scene(kind: str, seed: int) -> Raw:
         for fixture in fixtures:
             fixture["moves"] = str(rng.choice(["plate", "plate", "stands"]))
     if kind == "gates":
-        for fixture in fixtures:
-            fixture |= _motion(rng) if rng.random() < 0.6 else {}
+        contact["friction"] = contact["part_friction"] = min(mu, 0.3)
+        fixtures[0] |= _motion(rng) | {"position_mm": _place((0.0, 0.0), rng)}
+        for fixture, place in zip(fixtures[1:], AROUND, strict=False):  # farther than a part is long: none is squeezed
+            fixture["position_mm"] = _place(place, rng)
     raw = {"title": f"Random scene {seed}, {kind}", "plate": plate, "contact": contact, "part": parts}
     run = {"duration_s": 0.7, "seeds": 1, "frames_per_second": 500.0}
     return raw | {"fixture": fixtures, "run": run} | ({"drive": [drive]} if drive else {})
