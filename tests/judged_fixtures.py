@@ -63,6 +63,8 @@ def scene(kind: str, seed: int) -> Raw:
     if kind == "moved":
         for fixture in fixtures:
             fixture["moves"] = str(rng.choice(["plate", "plate", "stands"]))
+            if plate["kind"] != "tray" or fixture["moves"] == "stands":  # else the plate may lift parts against it
+                fixture["position_mm"] = fixture["position_mm"][:2]
     if kind == "gates":
         contact["friction"] = contact["part_friction"] = min(mu, 0.3)
         fixtures[0] |= _motion(rng) | {"position_mm": _place((0.0, 0.0), rng)}
@@ -114,7 +116,7 @@ def _still(rng: Rng) -> tuple[Raw, Raw | None]:
 
 def _moved(rng: Rng) -> tuple[Raw, Raw | None]:
     hz, g = float(10.0 ** rng.uniform(1.3, 2.5)), float(rng.choice([0.5, 1.5, 4.0]))
-    size = min(1e6 * 9.81 * g / (2.0 * np.pi * hz) ** 2, 2.5e3)
+    size = min(1e6 * 9.81 * g / (2.0 * np.pi * hz) ** 2, 900.0)  # less than fixtures go on below the plate
     if rng.random() < 0.5:
         return PISTON, {"frequency_hz": hz, "amplitude_um": size}
     tray = {"kind": "tray", "length_mm": 400.0, "width_mm": 400.0, "tilt_deg": float(rng.choice([0.0, 5.0]))}

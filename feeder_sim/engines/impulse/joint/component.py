@@ -64,6 +64,10 @@ def check_component(i, t, crowd, plate, tools):
         if gap < -(view.before[0].depth + CARRIED * plate.bounds.exact.tolerance):
             work.counts[LATE] += 1
         part.depth = max(-gap, 0.0)
+    for x in range(m):
+        j = crowd.pairs[crowd.islands.pair[together.pair[x]]].b
+        if is_fixture(j, crowd):
+            move_to(parts[j], kinds.record[parts[j].kind], t, plate.surface)
     evaluate_pairs(m, crowd, tools)
     _strike(n, m, crowd, plate, together)
     asleep = False

@@ -71,8 +71,8 @@ class JointEngine(ImpulseEngine):
 
     def _open_plate(self) -> None:
         """Terms and bounds of the window of the plate that the window under way lies in."""
-        start = self._span[0]
-        if not self._plate_span[0] <= start < self._plate_span[1] - 1e-9:
+        start, end = self._span
+        if not self._plate_span[0] <= start <= end <= self._plate_span[1] + 1e-9:
             self._plate_span[:] = start, start + WINDOW
             # Bounds outlast the window: nothing is due at its very end.
             terms, bounds = open_plate(self._drive(WINDOW), start, start + WINDOW + 1e-5)

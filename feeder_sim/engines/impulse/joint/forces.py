@@ -123,9 +123,13 @@ def _time_of_pair(pair, origin, crowd):
     """
     a, b = crowd.parts[pair.a], crowd.parts[pair.b]
     kind_a, kind_b = crowd.kinds.record[a.kind], crowd.kinds.record[b.kind]
-    turns = difference(spin_of(a, kind_a), spin_of(b, kind_b))
+    fixed = is_fixture(pair.b, crowd)
+    spin_b = vector(b.momentum) if fixed else spin_of(b, kind_b)
+    turns = difference(spin_of(a, kind_a), spin_b)
     squared, size = dot(turns, turns), min(kind_a.reach + kind_a.radius, kind_b.reach + kind_b.radius)
     speed, bends = min(kind_a.reach, kind_b.reach) * math.sqrt(squared), size * squared
+    if fixed:
+        bends = max(bends, kind_b.reach * dot(spin_b, spin_b))
     if origin in (BALL, CENTRES):
         along = difference(b.velocity, a.velocity)
         bends = max(bends, dot(along, along) / (kind_a.radius + kind_b.radius))
