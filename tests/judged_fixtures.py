@@ -34,7 +34,7 @@ AROUND = [(45.0, 0.0), (-45.0, 0.0), (0.0, 45.0), (0.0, -45.0), (45.0, 45.0)]
 def judged(kind: str, seed: int, law: str = "newton") -> Finding | None:
     """Run a scene by a law of impact and look at what came out; None where the scene is refused."""
     raw = scene(kind, seed)
-    finding = looked_at(raw | {"contact": raw["contact"] | {"law": law}}, f"{kind}_{seed}", _in_fixtures)
+    finding = looked_at(raw | {"contact": raw["contact"] | {"law": law}}, f"{kind}_{seed}", in_fixtures)
     if finding is None or kind != "gates":
         return finding
     faults = tuple(fault for fault in finding.faults if "energy grows" not in fault)  # as what moves may give it
@@ -127,7 +127,7 @@ PLATES: dict[str, Callable[[Rng], tuple[Raw, Raw | None]]] = {"standing": _still
 KINDS = tuple(PLATES)
 
 
-def _in_fixtures(scene: Scene, frames: Frames) -> list[str]:
+def in_fixtures(scene: Scene, frames: Frames) -> list[str]:
     """The deepest that a part is found in a fixture."""
     deepest, name = 0.0, ""
     for row in np.unique(np.linspace(0, len(frames) - 1, LOOKS).astype(int)):

@@ -50,6 +50,8 @@ def write_plate(file: Any, plate: PlateRecord) -> None:
     for fixture in plate.fixtures:
         put_array(file, f"fixtures/{fixture.name}/vertices", fixture.vertices, "m")
         put_array(file, f"fixtures/{fixture.name}/faces", fixture.faces, "1")
+        put_array(file, f"fixtures/{fixture.name}/centre", fixture.centre, "m")
+        put_array(file, f"fixtures/{fixture.name}/axis", fixture.axis, "1")
     for name, corners in plate.outlets.items():
         put_array(file, f"outlets/{name}", corners, "m")
     for name, unit in DRIVE_FIELDS.items():
@@ -82,7 +84,7 @@ def read_plate(file: Any) -> PlateRecord:
             Path(str(file.filename)) if hasattr(file, "filename") else Path("trajectory.h5"),
         ),
         fixtures=tuple(
-            FixtureRecord(name, each["vertices"][()], each["faces"][()])
+            FixtureRecord(name, *(each[key][()] for key in ("vertices", "faces", "centre", "axis")))
             for name, each in (file["fixtures"].items() if "fixtures" in file else ())
         ),
         outlets={name: each[()] for name, each in (file["outlets"].items() if "outlets" in file else ())},
@@ -138,11 +140,16 @@ DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of t
 
 @dataclass(frozen=True)
 class FixtureRecord:
-    """What stands on the plate, where it is at rest: its name, vertices (n, 3) [m], and triangles (m, 3) of them."""
+    """What stands on the plate, where it is at rest: its name, vertices (n, 3) [m], and triangles (m, 3) of them.
+
+    What turns does so about an axis (3,) through a centre (3,) [m].
+    """
 
     name: str
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
+    centre: NDArray[np.float64]
+    axis: NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,6 +13,7 @@ Layout, schema version 6 (SI units, in the `unit` attribute of every dataset):
     /plate/antinode       (2,)                antinode the part starts from; NaN without nodal lines
     /plate/outline/point, ring   (k, 2), (k,)   of a plate that is no rectangle: ring 0 is its outer edge
     /fixtures/NAME/vertices, faces   (n, 3), (m, 3): of what stands on the plate, where it is at rest
+    /fixtures/NAME/centre, axis      (3,): that it turns about
     /outlets/NAME         (n, 2)              corners of each outlet, seen from above
     /drive/shape          (k,)                mode shape that each excitation of the scenario drives
     /drive/drive_frequency, natural_frequency, amplitude, phase, damping_ratio   (k,)  NaN: no ring-up

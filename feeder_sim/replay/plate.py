@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.plate.wave import standing_share
@@ -17,9 +18,11 @@ from feeder_sim.records.recording import PlateRecord
 from feeder_sim.replay.area import Area, area_of, body_mesh
 from feeder_sim.replay.scenery import MM, SLOW, TIMELINE, Cuboid, Entry, Lines, Mesh, Texts
 from feeder_sim.replay.seed_view import PERIOD_S, PICTURES, SeedView
+from feeder_sim.scene.fixture_path import path_of
 
 POINTS = 61  # largest number of grid points per axis of the plate, where it is drawn again and again
 HEIGHT = 0.06  # of the highest crest as drawn, over the length of the plate
+FIXTURE_S = 0.05  # between two looks at a fixture that moves
 PLATE_GREY, NODE, FIXTURE, OUTLET = (190, 190, 195), (20, 20, 20), (120, 130, 145), (179, 89, 0)
 ENVELOPE_POINTS = 2001
 STANDING = 0.9  # smallest standing share of a wave that is drawn as a standing one, with signs
@@ -43,13 +46,24 @@ def plate_entries(view: SeedView) -> Iterator[Entry]:
 
 
 def fixture_entries(view: SeedView) -> Iterator[Entry]:
-    """What stands on the plate, where it is at rest."""
+    """What stands on the plate, where it is at rest or moves to by itself; walls of a rim would hide all else."""
+    tables = {table.label(number): table for number, table in enumerate(view.scenario.fixtures)}
     for fixture in view.plate.fixtures:
+        if fixture.name not in tables:
+            continue
         corners = fixture.vertices[fixture.faces]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         vertices, triangles = MM * corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3)
         yield f"fixtures/{fixture.name}", Mesh(vertices, triangles, FIXTURE, normals=np.repeat(normals, 3, axis=0)), {}
+        if (path := path_of(tables[fixture.name], view.times.stages)) is None:
+            continue
+        for time in np.arange(0.0, view.last, FIXTURE_S):
+            shift, angle = path.at(float(time))
+            turn = Rotation.from_rotvec(angle * fixture.axis)
+            place = MM * (fixture.centre + shift + turn.apply(corners.reshape(-1, 3) - fixture.centre))
+            moved = Mesh(place, triangles, FIXTURE, normals=turn.apply(np.repeat(normals, 3, axis=0)))
+            yield f"fixtures/{fixture.name}", moved, {TIMELINE: float(time)}
 
 
 def outlet_entries(view: SeedView) -> Iterator[Entry]:

@@ -423,6 +423,8 @@ def plate_record(prepared: Prepared) -> PlateRecord:
         antinode=cell.antinode if cell else np.full(2, np.nan),
         drives=prepared.scene.drives,
         outline=surface.outline,
-        fixtures=tuple(FixtureRecord(each.name, *each.mesh) for each in prepared.scene.fixtures),
+        fixtures=tuple(
+            FixtureRecord(each.name, *each.mesh, each.centre, each.axis) for each in prepared.scene.fixtures
+        ),
         outlets={outlet.name: outlet.outline for outlet in prepared.scene.outlets},
     )

@@ -83,6 +83,10 @@ class FixtureTable(Table):
         """Whether it has a motion of its own."""
         return self.path is not None or self.opens is not None or self.turns_per_minute != 0.0
 
+    def label(self, number: int) -> str:
+        """Its name, or its shape and number in the scenario."""
+        return self.name or f"{self.shape}_{number}"
+
     @property
     def files(self) -> dict[str, Path]:
         """The files that it is made of, by their keys."""

@@ -125,7 +125,7 @@ def _built(table: FixtureTable, number: int, scenario: Scenario, surface: Surfac
     restitution = contact.restitution if table.restitution is None else table.restitution
     assert isinstance(restitution, float)  # by the rules of the scenario
     return RigidFixture(
-        name=table.name or f"{table.shape}_{number}",
+        name=table.label(number),
         centre=foot + attitude @ middle,
         attitude=attitude,
         bodies=tuple(body - middle for body in bodies),

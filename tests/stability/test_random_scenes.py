@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import judged_fixtures
 import judged_walls
 import pytest
 from judged_scenes import ALL, Finding, judged
@@ -48,3 +49,20 @@ def test_parts_between_random_walls_stay_out_of_them(kind: str) -> None:
         finding = judged_walls.judged(kind, seed)
         assert finding is not None
         assert not finding.faults, (seed, finding.faults, finding.scene)
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("standing", 0), ("standing", 7), ("standing", 36), ("gates", 12), ("gates", 105)]
+)
+def test_what_was_wrong_beside_fixtures_is_right(kind: str, seed: int) -> None:
+    finding = judged_fixtures.judged(kind, seed)
+    assert finding is not None
+    assert not finding.faults, (finding.faults, finding.scene)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["standing", "moved"])
+def test_parts_among_random_fixtures_stay_out_of_them(kind: str) -> None:
+    for seed in range(2 * MANY):
+        finding = judged_fixtures.judged(kind, seed)
+        assert finding is None or not finding.faults, (seed, finding.faults, finding.scene)

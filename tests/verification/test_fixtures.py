@@ -1,31 +1,40 @@
-"""Parts at fixtures against closed forms and an ODE: walls, a ramp, a fence on a tray that is inclined and vibrates."""
+"""Parts at fixtures against closed forms and ODEs: walls, a ramp, a fence on a tray that vibrates, gates, rims."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import REPOSITORY
+from judged_fixtures import in_fixtures
 from numpy.typing import NDArray
 
 from feeder_sim import Result, simulate
+from feeder_sim.errors import InputError
 from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.tables import validated
 
 G = 9.81
 BLOCK = {"shape": "box", "size_mm": [10.0, 10.0, 5.0]}
 STILL = {"kind": "still", "length_mm": 400.0, "width_mm": 200.0}
+RUN = {"duration_s": 1.0, "seeds": 1, "frames_per_second": 100.0}
+WALL = {"shape": "box", "size_mm": [5.0, 100.0, 20.0], "position_mm": [20.0, 0.0]}
+ANGLE = [[-12.0, -12.0], [12.0, -12.0], [12.0, -8.0], [-8.0, -8.0], [-8.0, 12.0], [-12.0, 12.0]]
+BOW = [[0.0, 0.0], [5.0, 5.0], [5.0, 0.0], [0.0, 5.0]]
 Floats = NDArray[np.float64]
 
 
 def computed(
     part: dict[str, Any],
-    fixture: dict[str, Any],
+    fixture: dict[str, Any] | list[dict[str, Any]],
     contact: dict[str, float],
     plate: dict[str, Any] = STILL,
     **tables: Any,
 ) -> Result:
-    run = {"duration_s": 1.0, "seeds": 1, "frames_per_second": 100.0}
-    raw = {"plate": plate, "part": [part], "fixture": [fixture], "contact": contact, "run": run} | tables
+    fixtures = fixture if isinstance(fixture, list) else [fixture]
+    raw = {"plate": plate, "part": [part], "fixture": fixtures, "contact": contact, "run": RUN} | tables
     return simulate(Scenario.model_validate(raw))
 
 
@@ -98,3 +107,131 @@ def test_a_block_slides_along_a_fence_of_a_tray() -> None:
     moved = np.array([surface.displacement(middle, t)[0, :2] for t in frames.time])
     path = (frames.position[:, 0, :2] - moved - frames.position[0, 0, :2] + moved[0]) @ along
     assert path[-1] == pytest.approx(np.interp(frames.time[-1], time, ways), rel=0.01)
+
+
+def test_a_ball_between_two_walls_that_close_gains_twice_their_speed_at_each() -> None:
+    ball = thrown({"shape": "ball", "diameter_mm": 10.0}, 5.0, 100.0)
+    closing, half = 0.02, 0.015  # [m/s], [m] from the middle to where its centre turns
+    walls: list[dict[str, Any]] = [
+        {
+            "shape": "box",
+            "size_mm": [5.0, 100.0, 20.0],
+            "position_mm": [side * 22.5, 0.0],
+            "restitution": 1.0,
+            "friction": 0.0,
+            "path": [{"at_s": 10.0, "by_mm": [-side * 1e4 * closing, 0.0, 0.0]}],
+        }
+        for side in (1.0, -1.0)
+    ]
+    contact = {"restitution": 0.0, "friction": 0.0}
+    frames = computed(ball, walls, contact, run=RUN | {"duration_s": 0.6}).seeds[0].frames
+    turns, t, x, speed = [(0.0, 0.0, 0.1)], 0.0, 0.0, 0.1
+    while t < 0.6:
+        wait = (half - closing * t - np.sign(speed) * x) / (abs(speed) + closing)
+        t, x = t + wait, np.sign(speed) * (half - closing * (t + wait))
+        speed = -np.sign(speed) * (abs(speed) + 2.0 * closing)
+        turns.append((t, float(x), float(speed)))
+    table = np.array(turns)
+    since = table[np.searchsorted(table[:, 0], frames.time, side="right") - 1]
+    expected = since[:, 1] + since[:, 2] * (frames.time - since[:, 0])
+    path = np.abs(np.diff(table[:, 1])).sum()
+    assert len(turns) > 20
+    assert frames.position[:, 0, 0] == pytest.approx(expected, abs=1e-6 * path)
+
+
+def test_a_part_that_leans_on_a_wall_of_a_tray_is_conveyed_less_the_friction_at_it() -> None:
+    """Gravity holds it to the wall across the incline; the stroke conveys along the wall, without a flight."""
+    tilt, rise, mu, at_wall, stroke, rate = np.radians(3.0), np.radians(20.0), 0.3, 0.2, 200e-6, 2.0 * np.pi * 25.0
+    tray = {"kind": "tray", "length_mm": 200.0, "width_mm": 400.0, "tilt_deg": 3.0}
+    drive = [{"frequency_hz": 25.0, "stroke_um": 200.0, "angle_deg": 20.0, "direction_deg": 90.0, "ring_up": False}]
+    wall = {"shape": "box", "size_mm": [5.0, 390.0, 20.0], "position_mm": [-7.51, 0.0], "restitution": 0.0}
+    start = {"position_mm": [0.0, -100.0], "drop_height_mm": 0.0, "tilt_deg": 0.0}
+    result = computed(
+        BLOCK | {"start": start}, wall | {"friction": at_wall}, {"restitution": 0.0, "friction": mu}, tray, drive=drive
+    )
+    frames, surface = result.seeds[0].frames, result.scene.surface
+    moved = np.array([surface.displacement(np.zeros((1, 2)), t)[0, 1] for t in frames.time])
+    time = np.linspace(0.0, 1.0, 200_001)
+    pushed = -stroke * rate**2 * np.sin(rate * time)
+    floor = mu * (G * np.cos(tilt) + pushed * np.sin(rise) * np.cos(tilt))
+    # What presses to the wall: gravity down the incline, and the lift of the tray, which is along the vertical.
+    resists = floor + at_wall * (G + pushed * np.sin(rise)) * np.sin(tilt)
+    way, speed, ways, step = 0.0, 0.0, [], time[1]
+    for own, limit in zip(-pushed * np.cos(rise), resists, strict=True):  # in the frame of the tray
+        ways.append(way)
+        gained = (own - np.sign(speed or own) * min(limit, abs(own) if speed == 0.0 else limit)) * step
+        after = speed + gained
+        after = 0.0 if speed != 0.0 and after * speed < 0.0 else after
+        way, speed = way + 0.5 * (speed + after) * step, after
+    path = frames.position[:, 0, 1] - moved - (frames.position[0, 0, 1] - moved[0])
+    assert abs(ways[-1]) > 2e-3
+    assert path[-1] == pytest.approx(np.interp(frames.time[-1], time, ways), rel=0.01)
+
+
+@pytest.mark.parametrize("scene", ["rim", "mesh", "extrusion"])
+def test_parts_come_to_rest_out_of_what_stands_around_them(scene: str) -> None:
+    """A rim of a tray, a mesh in pieces, and an outline that is not convex."""
+    fixture = {
+        "rim": None,
+        "mesh": {"shape": "mesh", "file": str(REPOSITORY / "models/bracket/bracket.stl")},
+        "extrusion": {"shape": "extrusion", "points_mm": ANGLE, "height_mm": 8.0},
+    }[scene]
+    part = {"shape": "hex_nut", "size": "M2.5", "count": 8}
+    start = {"kind": "heap", "diameter_mm": 12.0, "drop_height_mm": 12.0}
+    tray = {"kind": "tray", "length_mm": 30.0, "width_mm": 20.0, "rim": scene == "rim"}
+    raw = {
+        "plate": tray if scene == "rim" else STILL,
+        "part": [part | {"start": start}],
+        "contact": {"restitution": 0.3, "friction": 0.3},
+        "run": RUN | {"seeds": 2},
+    } | ({"fixture": [fixture]} if fixture else {})
+    result = simulate(Scenario.model_validate(raw))
+    for seed in result.seeds:
+        assert len(seed.removals) == 0
+        assert np.abs(seed.frames.velocity[-1]).max() < 1e-3
+        assert not in_fixtures(result.scene, seed.frames[slice(-1, None)])
+
+
+def test_a_gate_lets_a_part_through_in_the_stage_that_opens_it() -> None:
+    gate = {"shape": "box", "size_mm": [5.0, 100.0, 20.0], "position_mm": [30.0, 0.0], "restitution": 0.0}
+    opens = {"stages": ["open"], "by_mm": [0.0, 0.0, 30.0], "within_s": 0.05}
+    stages = [{"name": "wait", "duration_s": 1.0}, {"name": "open", "duration_s": 1.0}]
+    for fixture in stages:
+        fixture["drive"] = [{"frequency_hz": 50.0, "stroke_um": 300.0, "angle_deg": 25.0}]
+    tray = {"kind": "tray", "length_mm": 200.0, "width_mm": 100.0}
+    start = {"position_mm": [15.0, 0.0], "drop_height_mm": 0.0, "tilt_deg": 0.0, "yaw_deg": 0.0}
+    raw = {
+        "plate": tray,
+        "part": [BLOCK | {"start": start}],
+        "fixture": [gate | {"friction": 0.1, "opens": opens}],
+        "contact": {"restitution": 0.1, "friction": 0.4},
+        "schedule": {"stage": stages},
+        "run": {"seeds": 1, "frames_per_second": 100.0},
+    }
+    frames = simulate(Scenario.model_validate(raw)).seeds[0].frames
+    shut = frames.time <= 1.0
+    assert 1e3 * frames.position[shut, 0, 0].max() == pytest.approx(22.5, abs=1.0)
+    assert 1e3 * frames.position[-1, 0, 0] > 30.0
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"fixture": [WALL, WALL | {"position_mm": [22.0, 10.0]}]}, "fixture[1].position_mm: is in box_0"),
+        (
+            {"part": [BLOCK | {"start": {"kind": "state", "position_mm": [19.0, 0.0, 2.5]}}]},
+            "lies in the fixture box_0",
+        ),
+        ({"fixture": [WALL | {"opens": {"stages": ["go"]}}]}, "fixture[0].opens.stages"),
+        ({"fixture": [WALL | {"path": [{"at_s": 1.0}, {"at_s": 0.5}]}]}, "times that do not rise"),
+        ({"fixture": [{"shape": "extrusion", "height_mm": 1.0, "points_mm": BOW}]}, "crosses itself"),
+        ({"run": RUN | {"steps_per_period": 80}}, "run.steps_per_period"),
+        ({"run": RUN | {"engine": "mujoco"}}, "run.engine"),
+    ],
+)
+def test_what_cannot_stand_there_is_refused_in_one_line(change: dict[str, Any], problem: str) -> None:
+    raw = {"plate": STILL, "part": [thrown(BLOCK, 2.5, 100.0)], "fixture": [WALL], "run": RUN} | change
+    with pytest.raises(InputError) as error:
+        simulate(validated(raw, Scenario, Path("scene.toml")))
+    assert problem in str(error.value)
+    assert "\n" not in str(error.value)
