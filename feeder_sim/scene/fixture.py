@@ -91,7 +91,7 @@ def rim_walls(surface: Surface) -> list[ExtrusionFixture]:
     rectangle = half * [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
     ring = rectangle if surface.outline is None else surface.outline.rings[0]
     side = np.roll(ring, -1, axis=0) - ring
-    if np.cross(ring, np.roll(ring, -1, axis=0)).sum() < 0.0:
+    if (ring[:, 0] * side[:, 1] - ring[:, 1] * side[:, 0]).sum() < 0.0:  # twice its area
         ring, side = ring[::-1], -np.roll(side[::-1], -1, axis=0)
     length = np.linalg.norm(side, axis=1, keepdims=True)
     normal = np.column_stack([side[:, 1], -side[:, 0]]) / length
