@@ -175,7 +175,7 @@ def test_parts_come_to_rest_out_of_what_stands_around_them(scene: str) -> None:
         "mesh": {"shape": "mesh", "file": str(REPOSITORY / "models/bracket/bracket.stl")},
         "extrusion": {"shape": "extrusion", "points_mm": ANGLE, "height_mm": 8.0},
     }[scene]
-    part = {"shape": "hex_nut", "size": "M2.5", "count": 8}
+    part = {"shape": "hex_nut", "size": "M2.5", "count": 5}
     start = {"kind": "heap", "diameter_mm": 12.0, "drop_height_mm": 12.0}
     tray = {"kind": "tray", "length_mm": 30.0, "width_mm": 20.0, "rim": scene == "rim"}
     raw = {
