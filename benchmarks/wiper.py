@@ -24,12 +24,12 @@ MODELS = Path(__file__).resolve().parents[1] / "models"
 KINDS: dict[str, tuple[dict[str, Any], list[float]]] = {
     "screw M3 x 8": (
         {"shape": "mesh", "file": str(MODELS / "screw/screw.stl"), "contact": "parts"},
-        [4.5, 5.4, 5.8, 6.5, 8.0, 10.0, 11.5],
+        [4.5, 5.7, 6.5, 9.0, 11.5],
     ),
-    "disc 8 x 1.6 mm": ({"shape": "cylinder", "diameter_mm": 8.0, "height_mm": 1.6}, [1.4, 1.8, 2.5, 4.0, 6.0, 8.2]),
+    "disc 8 x 1.6 mm": ({"shape": "cylinder", "diameter_mm": 8.0, "height_mm": 1.6}, [1.4, 1.8, 4.0, 8.2]),
     "bracket": (
         {"shape": "mesh", "file": str(MODELS / "bracket/bracket.stl"), "contact": "parts"},
-        [5.0, 7.5, 8.2, 8.6, 9.4, 11.0, 13.0],
+        [5.0, 8.2, 9.2, 13.0],
     ),
 }
 

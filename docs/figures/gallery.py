@@ -55,7 +55,7 @@ VIEWS = {
     "drift_2797hz_plate": View(3.0, 3.1),
     "drift_4750hz": View(3.0, 30.0),
     "drift_8775hz": View(1.5, 15.0),
-    "wiper": View(3.0, 3.1, (250, 160, 650, 460)),
+    "wiper": View(3.0, 3.1, (1000, 100, 1500, 475)),
     "linear_feeder": View(2.0, 2.1, (250, 160, 650, 460)),
     "mixture": View(1.0, 1.0),
     "patch_place": View(1.0, 1.1),

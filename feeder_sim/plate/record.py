@@ -27,7 +27,6 @@ from pathlib import Path
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
-from scipy.special import erfc
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
@@ -161,6 +160,8 @@ def read_record(text: str, path: Path, limit: float) -> Record:
     for name, column in zip(names[1:], table.T[1:], strict=True):
         number = (ACCELERATIONS if accelerated else COLUMNS).index(name)
         values[:, number] = column * ((GRAVITY if number < 3 else 1.0) if accelerated else TO_SI[number])
+    from scipy.special import erfc
+
     cyclic = np.concatenate([values, _bridge(values, limit * spacing)])
     spectrum = np.fft.rfft(cyclic, axis=0) * (2.0 / len(cyclic))
     spectrum[0] *= 0.5

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.plate.wave import standing_share
@@ -47,6 +46,8 @@ def plate_entries(view: SeedView) -> Iterator[Entry]:
 
 def fixture_entries(view: SeedView) -> Iterator[Entry]:
     """What stands on the plate, where it is at rest or moves to by itself; walls of a rim would hide all else."""
+    from scipy.spatial.transform import Rotation
+
     tables = {table.label(number): table for number, table in enumerate(view.scenario.fixtures)}
     for fixture in view.plate.fixtures:
         if fixture.name not in tables:
