@@ -63,9 +63,9 @@ export default {
       const i = Math.floor(u), j = Math.floor(v), a = u - i, b = v - j, k = i * ny + j;
       return (1 - a) * ((1 - b) * array[k] + b * array[k + 1]) + a * ((1 - b) * array[k + ny] + b * array[k + ny + 1]);
     },
-    outlined(context) {
+    outlined(context, rings = [this.scene.outline, ...this.scene.holes]) {
       context.beginPath();
-      for (const ring of [this.scene.outline, ...this.scene.holes]) {
+      for (const ring of rings) {
         ring.forEach(([x, y], i) => context[i ? "lineTo" : "moveTo"](...this.at(x, y)));
         context.closePath();
       }
@@ -84,6 +84,8 @@ export default {
         context.restore();
       }
       this.outlined(context); context.strokeStyle = "#30405a"; context.lineWidth = 1.5; context.stroke();
+      this.outlined(context, this.scene.fixtures); context.fillStyle = "#78828f"; context.fill(); context.stroke();
+      this.outlined(context, this.scene.outlets); context.strokeStyle = "#b45309"; context.stroke();
       this.things(context);
     },
     coloured(context, now) {

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from feeder_sim.app.fields import drop, notify
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.scenario import BendingPlate
+from feeder_sim.scene.outlet import build_outlets
 from feeder_sim.scene.outlines import outline_of
 from feeder_sim.scene.plate_modes import shift_of
 
@@ -100,6 +101,8 @@ class PlatePanel:
         length, width = np.ptp(rings[0], axis=0).tolist()
         outline, *holes = (ring.tolist() for ring in rings)
         scene = {"length": length, "width": width, "outline": outline, "holes": holes, "things": things}
+        scene["fixtures"] = [ring for fixture in scenario.fixtures for ring in fixture.footprints()]
+        scene["outlets"] = [(1e3 * outlet.outline).tolist() for outlet in build_outlets(scenario)]
         self.drawing.props["scene"], self.drawing.props["tool"] = scene, self.tool.value
         self.drawing.update()
 

@@ -96,6 +96,15 @@ class FixtureTable(Table):
     def bodies(self) -> tuple[Corners, ...]:
         """Corners of the convex bodies that it is made of, in its own axes [mm]; its lower end is at z = 0."""
 
+    def footprints(self) -> list[list[tuple[float, float]]]:
+        """Outlines of its bodies, seen from above [mm]."""
+        import shapely
+
+        angle, (x, y, _) = math.radians(self.turn_deg), self.foot_mm
+        c, s = math.cos(angle), math.sin(angle)
+        turned = ([(x + c * u - s * v, y + s * u + c * v) for u, v, _ in body] for body in self.bodies())
+        return [list(shapely.MultiPoint(body).convex_hull.exterior.coords)[:-1] for body in turned]
+
     @property
     def foot_mm(self) -> tuple[float, float, float]:
         """Where its origin is over the resting plate."""
