@@ -2,7 +2,7 @@
 
     python benchmarks/wiper.py --picture docs/figures/wiper.png
 
-The scene is `scenarios/wiper.toml`, with another part and height of the wiper, 16 seeds of six parts each. Below the
+The scene is `scenarios/wiper.toml`, with another part and height of the wiper, 16 seeds of four parts each. Below the
 thinnest of a part nothing passes; above the tallest it can stand all do that are conveyed so far.
 """
 
@@ -20,16 +20,17 @@ from feeder_sim import load_scenario, simulate
 from feeder_sim.run.keep import StatisticsOnly
 from feeder_sim.scenario import Scenario
 
+COUNT = 4  # parts of a run
 MODELS = Path(__file__).resolve().parents[1] / "models"
 KINDS: dict[str, tuple[dict[str, Any], list[float]]] = {
     "screw M3 x 8": (
         {"shape": "mesh", "file": str(MODELS / "screw/screw.stl"), "contact": "parts"},
-        [4.5, 5.7, 6.5, 9.0, 11.5],
+        [4.5, 5.8, 7.5, 11.5],
     ),
-    "disc 8 x 1.6 mm": ({"shape": "cylinder", "diameter_mm": 8.0, "height_mm": 1.6}, [1.4, 1.8, 4.0, 8.2]),
+    "disc 8 x 1.6 mm": ({"shape": "cylinder", "diameter_mm": 8.0, "height_mm": 1.6}, [1.4, 2.0, 3.0, 8.2]),
     "bracket": (
         {"shape": "mesh", "file": str(MODELS / "bracket/bracket.stl"), "contact": "parts"},
-        [5.0, 8.2, 9.2, 13.0],
+        [5.0, 9.2, 13.0],
     ),
 }
 
@@ -38,7 +39,7 @@ def with_wiper(base: Scenario, part: dict[str, Any], height: float, seeds: int) 
     """The scene with another part, and the wiper at a height [mm]."""
     raw = base.model_dump(mode="python", exclude_unset=True)
     start = raw["part"][0]["start"]
-    raw["part"] = [part | {"count": 6, "start": start}]
+    raw["part"] = [part | {"count": COUNT, "start": start}]
     raw["fixture"][1]["position_mm"] = (*raw["fixture"][1]["position_mm"][:2], height)
     raw["run"] |= {"seeds": seeds}
     return Scenario.model_validate(raw)
@@ -58,7 +59,7 @@ def main(
             if result.failures:
                 print(*result.failures, sep="\n", file=sys.stderr)
             through = result.outlets.parts_through
-            shares.append((through.mean / 6.0, through.se / 6.0))
+            shares.append((through.mean / COUNT, through.se / COUNT))
             print(f"{name:<18}{height:>10.1f}{shares[-1][0]:>8.3f}{shares[-1][1]:>7.3f}", flush=True)
         share, error = np.array(shares).T
         axes.errorbar(heights, share, 2.0 * error, marker="o", capsize=3, label=name)
