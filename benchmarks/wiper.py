@@ -3,7 +3,7 @@
     python benchmarks/wiper.py --picture docs/figures/wiper.png
 
 The scene is `scenarios/wiper.toml`, with another part and height of the wiper, 16 seeds of four parts each. Below the
-thinnest of a part nothing passes; above the tallest it can stand all do that are conveyed so far.
+thinnest of a part nothing passes; above the tallest all do but those that fall or are still on their way.
 """
 
 from __future__ import annotations
