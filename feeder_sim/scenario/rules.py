@@ -150,6 +150,10 @@ def _beside_fixtures(s: Scenario) -> Broken:
     for i, part in enumerate(s.part):
         if part.in_steps or part.lonely:
             yield f"part[{i}].shape", f"one of corners or a ball with {kind}"
+    labels = [fixture.label(i) for i, fixture in enumerate(s.fixtures)]
+    for i, label in enumerate(labels):
+        if label in labels[:i]:
+            yield f"fixture[{i}].name", f"a name of its own, {label!r} is that of another"
     names = set(s.schedule.stage_names) if s.schedule else set()
     for i, fixture in enumerate(s.fixtures):
         for name in fixture.opens.stages if fixture.opens else ():

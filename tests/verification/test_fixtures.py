@@ -228,6 +228,7 @@ def test_a_gate_lets_a_part_through_in_the_stage_that_opens_it() -> None:
         ({"fixture": [WALL | {"opens": {"stages": ["go"]}}]}, "fixture[0].opens.stages"),
         ({"fixture": [WALL | {"path": [{"at_s": 1.0}, {"at_s": 0.5}]}]}, "times that do not rise"),
         ({"fixture": [{"shape": "extrusion", "height_mm": 1.0, "points_mm": BOW}]}, "crosses itself"),
+        ({"fixture": [WALL, WALL | {"position_mm": [60.0, 0.0], "name": "box_0"}]}, "fixture[1].name"),
         ({"run": RUN | {"steps_per_period": 80}}, "run.steps_per_period"),
         ({"run": RUN | {"engine": "mujoco"}}, "run.engine"),
     ],
