@@ -78,9 +78,9 @@ def test_a_block_slides_on_a_ramp_or_stays(friction: float) -> None:
     ramp = {"shape": "ramp", "size_mm": [200.0, 50.0, float(200.0 * np.tan(angle))], "position_mm": [-100.0, 0.0]}
     result = computed(part, ramp | {"restitution": 0.0, "friction": friction}, {"restitution": 0.0, "friction": 0.1})
     frames = result.seeds[0].frames
-    way = np.linalg.norm(frames.position[:, 0] - frames.position[0, 0], axis=1)
+    distance = np.linalg.norm(frames.position[:, 0] - frames.position[0, 0], axis=1)
     acceleration = max(0.0, G * (np.sin(angle) - friction * np.cos(angle)))
-    assert way[30] == pytest.approx(0.5 * acceleration * frames.time[30] ** 2, rel=2e-5, abs=1e-5)
+    assert distance[30] == pytest.approx(0.5 * acceleration * frames.time[30] ** 2, rel=1e-6, abs=1e-9)
 
 
 def test_a_block_slides_along_a_fence_of_a_tray() -> None:
@@ -96,17 +96,17 @@ def test_a_block_slides_along_a_fence_of_a_tray() -> None:
     middle = np.zeros((1, 2))
     time = np.linspace(0.0, 1.0, 20_001)
     pushed = np.gradient([float(surface.velocity(middle, t)[0, 0]) for t in time], time)
-    way, speed, ways = 0.0, 0.0, []
+    distance, speed, paths = 0.0, 0.0, []
     for acceleration in pushed:
-        ways.append(way)
+        paths.append(distance)
         force = np.array([-G * np.sin(tilt) - acceleration, 0.0])
         resists = mu * G * np.cos(tilt) + at_fence * max(0.0, float(-force @ away))
         gained = float(force @ along)
         gained -= np.sign(speed or gained) * min(resists, abs(gained) if speed == 0.0 else resists)
-        way, speed = way + speed * time[1] + 0.5 * gained * time[1] ** 2, speed + gained * time[1]
+        distance, speed = distance + speed * time[1] + 0.5 * gained * time[1] ** 2, speed + gained * time[1]
     moved = np.array([surface.displacement(middle, t)[0, :2] for t in frames.time])
     path = (frames.position[:, 0, :2] - moved - frames.position[0, 0, :2] + moved[0]) @ along
-    assert path[-1] == pytest.approx(np.interp(frames.time[-1], time, ways), rel=0.01)
+    assert path[-1] == pytest.approx(np.interp(frames.time[-1], time, paths), rel=0.01)
 
 
 def test_a_ball_between_two_walls_that_close_gains_twice_their_speed_at_each() -> None:
@@ -155,16 +155,16 @@ def test_a_part_that_leans_on_a_wall_of_a_tray_is_conveyed_less_the_friction_at_
     velocity = np.array([surface.velocity(np.zeros((1, 2)), t)[0] for t in time])
     pushed, lifted = np.gradient(velocity[:, 1], time), np.gradient(velocity[:, 2], time)
     resists = (mu * np.cos(tilt) + at_wall * np.sin(tilt)) * (G + lifted)  # on the tray, and at the wall
-    way, speed, ways, step = 0.0, 0.0, [], time[1]
+    distance, speed, paths, step = 0.0, 0.0, [], time[1]
     for own, limit in zip(-pushed, resists, strict=True):  # in the frame of the tray
-        ways.append(way)
+        paths.append(distance)
         gained = (own - np.sign(speed or own) * min(limit, abs(own) if speed == 0.0 else limit)) * step
         after = speed + gained
         after = 0.0 if speed != 0.0 and after * speed < 0.0 else after
-        way, speed = way + 0.5 * (speed + after) * step, after
+        distance, speed = distance + 0.5 * (speed + after) * step, after
     path = frames.position[:, 0, 1] - moved - (frames.position[0, 0, 1] - moved[0])
-    assert abs(ways[-1]) > 2e-3
-    assert path[-1] == pytest.approx(np.interp(frames.time[-1], time, ways), rel=0.01)
+    assert abs(paths[-1]) > 2e-3
+    assert path[-1] == pytest.approx(np.interp(frames.time[-1], time, paths), rel=0.01)
 
 
 @pytest.mark.parametrize("scene", ["rim", "mesh", "extrusion"])

@@ -52,9 +52,9 @@ def test_parts_gone_and_present_add_up_to_those_started_and_arrived_at_every_fra
     assert all(len(through(seed)) for seed in result.seeds)
     for seed in result.seeds:
         frames, half = seed.frames, 0.5 * result.scene.frame_interval
-        gone = np.searchsorted(seed.removals.time, frames.time - half)
+        removed = np.searchsorted(seed.removals.time, frames.time - half)
         came = np.searchsorted(seed.arrivals.time, frames.time - half)
-        assert np.array_equal(gone + frames.present.sum(axis=1), 8 + came)
+        assert np.array_equal(removed + frames.present.sum(axis=1), 8 + came)
         entered = over(outlet, frames.position) & frames.present
         rows, parts = np.nonzero(entered)
         assert len(rows) == len(through(seed))  # each for one frame only
@@ -80,9 +80,9 @@ def test_a_run_is_the_same_to_the_bit_until_the_first_part_has_entered() -> None
         assert seed.frames.time[first] == through(seed).time[0]
         assert np.array_equal(seed.frames.position[: first + 1], free.frames.position[: first + 1])
         assert np.array_equal(seed.frames.velocity[: first + 1], free.frames.velocity[: first + 1])
-        gone = through(seed).part[through(seed).time == seed.frames.time[first]]
-        assert seed.frames.present[first, gone].all()
-        assert not seed.frames.present[first + 1, gone].any()
+        removed = through(seed).part[through(seed).time == seed.frames.time[first]]
+        assert seed.frames.present[first, removed].all()
+        assert not seed.frames.present[first + 1, removed].any()
 
 
 @pytest.mark.parametrize("engine", ["impulse", "mujoco"])
