@@ -140,7 +140,7 @@ def noted_variants() -> dict[str, Row]:
             variant = variant_of(row)
         except jit.DAMAGED:
             continue
-        if key_of(variant.entry) == key and FOREIGN not in text:
+        if key_of(variant.entry) == key and FOREIGN not in json.dumps(row):
             rows[variant.name] = row
     return rows
 

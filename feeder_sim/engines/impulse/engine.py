@@ -16,6 +16,8 @@ shared out over threads, which changes nothing in the result.
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -99,7 +101,8 @@ class ImpulseEngine(PartsEngine):
 
     def _advance_crowd(self, times: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
         """Compute the windows that the frames lie in, or end with; the one under way may hold some of them."""
-        done = int(np.searchsorted(times, self._span[1], side="right"))
+        in_order = times.tolist()
+        done = bisect_right(in_order, self._span[1])
         if done:
             self._compute_window(self._span[1], FrameRows(times[:done], rows[:done], self._interrupt))
             self._interrupt[WHOLE] = 0 if self._interrupt[ENDED] else done
@@ -107,7 +110,7 @@ class ImpulseEngine(PartsEngine):
             start = self._span[1]
             self._span[:] = start, self._window_end(start)
             self._keep_begin_of_window()
-            last = int(np.searchsorted(times, self._span[1], side="right"))
+            last = bisect_right(in_order, self._span[1])
             self._compute_window(self._span[1], FrameRows(times[done:last], rows[done:last], self._interrupt))
             if self._interrupt[ENDED]:
                 break
@@ -125,7 +128,8 @@ class ImpulseEngine(PartsEngine):
         if frames is None:
             frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), new_interrupt())
         absent = np.flatnonzero(self._opened["there"][: self._n] == ABSENT)
-        frames.row[:, absent] = self._row[absent]
+        if len(absent):
+            frames.row[:, absent] = self._row[absent]
         self._place_at_begin()
         self._pairs = self._pairs_before[:0]
         (start, end), reach = self._span, 0.0
@@ -135,10 +139,10 @@ class ImpulseEngine(PartsEngine):
             self._pairs = results[0].pairs
             for result in results[1:]:
                 self._pairs[result.own] = result.pairs[result.own]
-            distance = np.max([result.distance for result in results])
-            if distance == 0.0 or frames.interrupt[ENDED] or not np.isfinite(distance):  # that is for the guard to see
-                break
-            reach = float(WIDER * max(results[0].reach, distance))
+            distances = [result.distance for result in results]
+            if not any(distances) or frames.interrupt[ENDED] or not all(map(math.isfinite, distances)):
+                break  # what is not finite is for the guard to see
+            reach = float(WIDER * max(results[0].reach, *distances))
             self._place_at_begin()
 
     def _place_at_begin(self) -> None:
@@ -178,6 +182,10 @@ class ImpulseEngine(PartsEngine):
 
     def _keep_begin_of_window(self) -> None:
         self._opened, self._pairs_before = copied(self._parts), self._pairs
+        self._keep_unresolved()
+
+    def _keep_unresolved(self) -> None:
+        """Add the impacts of the window that is over to those before."""
         self._unresolved = self.counts.unresolved_impacts
         self._forget_unresolved()
 

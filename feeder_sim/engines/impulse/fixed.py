@@ -68,7 +68,16 @@ def _tray(t, surface):
 
 
 @uncounted
-def carry(part, t, surface):
+def move_fixture(part, t, surface):
+    """Bring a fixture to time t [s], whether it stands or moves."""
+    if part.phase == FIXED:
+        _carry(part, t, surface)
+    else:
+        _go_on(part, t)
+
+
+@uncounted
+def _carry(part, t, surface):
     """Put a fixture of a tray where it is at time t [s]."""
     move, about, velocity, spin = _tray(t, surface)
     place = vector(part.offset)
@@ -90,8 +99,8 @@ def carry(part, t, surface):
 
 
 @uncounted
-def go_on(part, t):
-    """Bring a fixture that moves by itself to time t [s]."""
+def _go_on(part, t):
+    """Bring a fixture that stands, or moves by itself, to time t [s]."""
     age, spin = t - part.clock, vector(part.momentum)
     part.clock = t
     rate = math.sqrt(dot(spin, spin))

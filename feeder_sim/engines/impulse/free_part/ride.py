@@ -19,9 +19,8 @@ import math
 from typing import NamedTuple
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.fixed import carry, go_on
 from feeder_sim.engines.impulse.free_part.points import touches
-from feeder_sim.engines.impulse.state import FIXED, FOLLOWING, STEADY, fly_to
+from feeder_sim.engines.impulse.state import FOLLOWING, fly_to
 from feeder_sim.engines.impulse.surface import (
     ACCELERATION,
     HEIGHT,
@@ -60,13 +59,9 @@ class Support(NamedTuple):
 
 @uncounted
 def move_to(part, kind, t, surface):
-    """Bring a part to time t [s], whatever it does."""
+    """Bring a part to time t [s], whatever it does, but a fixture."""
     if part.phase == FOLLOWING:
         _follow(part, kind, t, surface)
-    elif part.phase == FIXED:
-        carry(part, t, surface)
-    elif part.phase == STEADY:
-        go_on(part, t)
     else:
         fly_to(part, kind, t)
 

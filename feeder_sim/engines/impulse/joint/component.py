@@ -13,6 +13,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     VELOCITY,
     solve,
 )
+from feeder_sim.engines.impulse.fixed import move_fixture
 from feeder_sim.engines.impulse.free_part.impact import (
     ROUNDS,
     gather,
@@ -67,7 +68,7 @@ def check_component(i, t, crowd, plate, tools):
     for x in range(m):
         j = crowd.pairs[crowd.islands.pair[together.pair[x]]].b
         if is_fixture(j, crowd):
-            move_to(parts[j], kinds.record[parts[j].kind], t, plate.surface)
+            move_fixture(parts[j], t, plate.surface)
     evaluate_pairs(m, crowd, tools)
     _strike(n, m, crowd, plate, together)
     asleep = False

@@ -72,7 +72,7 @@ class JointEngine(ImpulseEngine):
     def _open_plate(self) -> None:
         """Terms and bounds of the window of the plate that the window under way lies in."""
         start, end = self._span
-        if not self._plate_span[0] <= start <= end <= self._plate_span[1] + 1e-9:
+        if start < self._plate_span[0] or end > self._plate_span[1] + 1e-9:
             self._plate_span[:] = start, start + WINDOW
             # Bounds outlast the window: nothing is due at its very end.
             terms, bounds = open_plate(self._drive(WINDOW), start, start + WINDOW + 1e-5)
@@ -91,14 +91,19 @@ class JointEngine(ImpulseEngine):
     def _keep_begin_of_window(self) -> None:
         super()._keep_begin_of_window()
         self._loads_opened = self._loads
-        self._fixtures.place(self._opened, float(self._span[0]))
+        if self._fixtures.any:
+            self._fixtures.place(self._opened, float(self._span[0]))
 
     def _window_end(self, start: float) -> float:
-        return min(super()._window_end(start), self._fixtures.next_change(start))
+        end = super()._window_end(start)
+        return min(end, self._fixtures.next_change(start)) if self._fixtures.any else end
 
     def redrive(self, scene: Scene) -> None:
         super().redrive(scene)
         self._fixtures = MovedFixtures(scene)
+
+    def _keep_unresolved(self) -> None:
+        """They are counted where they come up."""
 
     def _forget_unresolved(self) -> None:
         """Keep all counts: those of a window that is computed again, which is rare, count twice."""

@@ -22,6 +22,7 @@ from feeder_sim.engines.impulse.crowd import (
     own_pairs,
     reach_of,
 )
+from feeder_sim.engines.impulse.fixed import move_fixture
 from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_part.loop import FreePart
 from feeder_sim.engines.impulse.free_part.ride import move_to
@@ -69,7 +70,7 @@ def advance_together(window, plate_opens, parts, loads, kinds, plate, tools, fra
     initial, n = window.initial.copy(), loads.shape[0]
     _open_parts(initial, n, window.start, plate_opens, plate.bounds)
     for i in range(n, parts.shape[0]):  # fixtures, wherever they were looked at last
-        move_to(parts[i], kinds.record[parts[i].kind], window.start, plate.surface)
+        move_fixture(parts[i], window.start, plate.surface)
         initial[i] = parts[i]
     reach = reach_of(initial, n, kinds, plate.bounds, window)
     pairs, islands = find_neighbours(initial, n, kinds, plate.surface, reach, window.pairs)
@@ -195,7 +196,7 @@ def _check_component(i, t, queue, crowd, plate, tools, reach):
         if not pressed:
             pair.pressing = 0
         if pair.pressing == 0:
-            due, _ = pair_bound(pair, crowd.parts, crowd.kinds, t, plate)
+            due, _ = pair_bound(pair, t, crowd, plate)
             set_due(queue.tree, queue.n_parts + place - queue.first_pair, due)
     for k in range(n):
         _recheck(together.work.member[k], -1, t, queue, crowd, plate)
@@ -208,7 +209,7 @@ def _check_pair(event, t, queue, crowd, plate, tools, reach):
     parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
     p = islands.pair[queue.first_pair + event - queue.n_parts]
     pair, left = crowd.pairs[p], False
-    due, near = pair_bound(pair, parts, kinds, t, plate)
+    due, near = pair_bound(pair, t, crowd, plate)
     if near:
         a, b = parts[pair.a], parts[pair.b]
         fixed = is_fixture(pair.b, crowd)
@@ -217,14 +218,12 @@ def _check_pair(event, t, queue, crowd, plate, tools, reach):
             if wait > 0.0:
                 set_due(queue.tree, event, min(t + wait, due))  # other points may come sooner
                 return left
-            parting = parting_from_fixture(pair, parts, kinds, n, tools)
         else:
             hit, n = meet(pair, parts, kinds, SLOW, tools)
-            parting = slowest_parting(pair, parts, kinds, n, tools)
         supported = a.phase != FREE or b.phase != FREE or a.there == ASLEEP or b.there == ASLEEP
         supported = supported or fixed or _presses(pair.a, crowd) or _presses(pair.b, crowd)
         again = hit and t < pair.struck + SOON
-        pressing = again or (n > 0 and supported and parting < SLOW)
+        pressing = again or (n > 0 and supported and _parting(pair, fixed, parts, kinds, n, tools) < SLOW)
         if hit:
             pair.repeats, pair.struck = pair.repeats + 1 if t == pair.struck else 0, t
         elif fixed and pressing:
@@ -234,7 +233,7 @@ def _check_pair(event, t, queue, crowd, plate, tools, reach):
                 i = pair.a if end == 0 else pair.b
                 _wake_with(i, p, t, queue, crowd, plate)
                 release(parts[i])
-        due, near = pair_bound(pair, parts, kinds, t, plate)
+        due, near = pair_bound(pair, t, crowd, plate)
         if pressing:
             pair.pressing, due = 1, np.inf
         if hit or pressing:
@@ -246,6 +245,13 @@ def _check_pair(event, t, queue, crowd, plate, tools, reach):
                 _recheck(i, p, t, queue, crowd, plate)
     set_due(queue.tree, event, due)
     return left
+
+
+@inlined
+def _parting(pair, fixed, parts, kinds, n, tools):
+    if fixed:
+        return parting_from_fixture(pair, parts, kinds, n, tools)
+    return slowest_parting(pair, parts, kinds, n, tools)
 
 
 @uncounted
@@ -277,7 +283,7 @@ def _recheck(i, except_pair, t, queue, crowd, plate):
         p = islands.pair[place]
         if p == except_pair or crowd.pairs[p].pressing != 0:
             continue
-        due, near = pair_bound(crowd.pairs[p], crowd.parts, crowd.kinds, t, plate)
+        due, near = pair_bound(crowd.pairs[p], t, crowd, plate)
         event = queue.n_parts + place - queue.first_pair
         if near:
             due = min(due, queue.tree[queue.tree.shape[0] // 2 + event])

@@ -28,7 +28,7 @@ NOTHING = (0.0, 0.0, 0.0)
 def members_of(i, crowd, together):
     """Find the members of the component of part i, and the pairs that press; returns their numbers."""
     islands, pairs, member = crowd.islands, crowd.pairs, together.work.member
-    n, m, k, n_free = 1, 0, 0, crowd.loads.shape[0]
+    n, m, k = 1, 0, 0
     member[0], together.body[i] = i, 0
     while k < n:
         j = member[k]
@@ -37,7 +37,7 @@ def members_of(i, crowd, together):
             if pair.pressing == 0:
                 continue
             other = pair.b if pair.a == j else pair.a
-            if other < n_free and together.body[other] < 0:  # a fixture joins nobody
+            if not is_fixture(other, crowd) and together.body[other] < 0:  # which joins nobody
                 together.body[other] = n
                 member[n] = other
                 n += 1

@@ -20,6 +20,11 @@ class MovedFixtures:
         first = len(scene.parts)
         self._moved = [(first + k, fixture, path) for k, (fixture, path) in enumerate(paths) if path is not None]
 
+    @property
+    def any(self) -> bool:
+        """Whether there are such."""
+        return bool(self._moved)
+
     def place(self, parts: NDArray[np.void], t: float) -> None:
         """Put them where they are at the begin of a window [s], with the motion that they have in it."""
         for row, fixture, path in self._moved:
