@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from feeder_sim.app.fields import drop, notify
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.scenario import BendingPlate
+from feeder_sim.scenario.drawing import read_drawing
 from feeder_sim.scene.outlet import build_outlets
 from feeder_sim.scene.outlines import outline_of
 from feeder_sim.scene.plate_modes import shift_of
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from feeder_sim.app.page import Page
 
 PATCH = {"size_mm": [20.0, 20.0], "thickness_mm": 1.0, "d31_pm_per_v": 180.0}
+FIXTURE = {"shape": "extrusion", "height_mm": 20.0}
 FOOT = {"diameter_mm": 8.0, "stiffness_n_per_mm": 20.0, "loss_factor": 0.2}
 TOOLS = {"move": "move", "outline": "draw outline", "actuator": "put patch", "support": "put foot"}
 ON_PLATE = {
@@ -188,7 +189,7 @@ class PlatePanel:
         await self.page.step(lambda: draft.add(f"plate.{kind}", entry))
 
     async def dropped(self, event: events.UploadEventArguments) -> None:
-        """A drawing takes the place of the outline, its patches and feet those of the plate."""
+        """A drawing takes the place of the outline, what else is drawn that of those there are."""
         name, draft = await self.page.put_in(event), self.page.draft
         if name is None or not self.described():
             return
@@ -196,23 +197,25 @@ class PlatePanel:
         without_place = {key: value for key, value in patch.items() if key not in ("at_mm", "size_mm", "angle_deg")}
         foot = {key: value for key, value in FOOT.items() if key != "diameter_mm"}
 
-        def write(*, patches: bool, feet: bool) -> None:
+        def write() -> None:
+            drawing = read_drawing(draft.file.parent / name, draft.value("plate.drawing_unit"), "plate.drawing_unit")
             for key in ("length_mm", "width_mm", "outline", "hole", "support", "actuator"):
                 draft.change(f"plate.{key}", None)
             draft.change("plate.drawing", name)
-            if patches:
-                draft.add("plate.actuator", without_place)
-            if feet:
-                draft.add("plate.support", foot)
+            for key, drawn, table in (
+                ("plate.actuator", drawing.rings["patches"], without_place),
+                ("plate.support", drawing.rings["feet"] or drawing.points, foot),
+                ("fixture", drawing.rings["fixtures"], FIXTURE | {"drawing": name}),
+                ("outlet", drawing.rings["outlets"], {"name": "outlet", "drawing": name}),
+            ):
+                if drawn:
+                    draft.change(key, None)
+                    draft.add(key, table)
 
-        for patches, feet in ((True, True), (True, False), (False, True), (False, False)):  # which layers it has
-            draft.write(before)
-            await self.page.step(partial(write, patches=patches, feet=feet))
-            if self.page.problem is None:
-                self.described()
-                break
+        await self.page.step(write)
+        if self.page.problem is None:
+            self.described()
         else:
-            assert self.page.problem is not None  # else it had been left
             notify(self.page.problem)
             draft.write(before)
         await self.page.changed()

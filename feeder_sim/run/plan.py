@@ -175,12 +175,13 @@ def make_plan(prepared: Prepared) -> Plan:
     """Describe a run; a short trial of its engine says how long it takes."""
     scene, cell, engine = prepared.scene, prepared.cell, prepared.engine
     run, surface = scene.scenario.run, scene.surface
+    accounts = getattr(scene.scenario.plate, "drawing_account", None), scene.scenario.drawing_account
     return Plan(
         title=scene.scenario.title,
         engine=engine.name,
         engine_because=engine.reason,
         plate_mm=[round(1e3 * d, 3) for d in (surface.length, surface.width, surface.thickness)],
-        drawing=getattr(scene.scenario.plate, "drawing_account", None),
+        drawing="; ".join(filter(None, accounts)) or None,
         drives=_drive_plans(scene),
         antinode_to_node_mm=1e3 * cell.reach if cell else None,
         parts=list(map(_part_plan, scene.scenario.kind_names, scene.scenario.part, scene.kinds)),

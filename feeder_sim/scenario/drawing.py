@@ -7,6 +7,8 @@ its label in Inkscape.
     holes      further holes
     patches    rectangles, the piezo patches, from left to right
     feet       circles, upright rectangles or points, from left to right
+    fixtures   what stands on the plate, seen from above, from left to right (drawn_tables.py)
+    outlets    areas in which parts leave, from left to right
 
 Lines and arcs that make closed rings together are joined; what closes no ring is refused. An `[[actuator]]` or
 `[[support]]` without a place takes that of the next patch or foot; a single one stands for all of them, with numbers
@@ -16,9 +18,9 @@ behind its name.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from feeder_sim.errors import InputError, NotAllowed
 from feeder_sim.scenario.drawing_files.dxf import read_dxf
@@ -29,6 +31,9 @@ from feeder_sim.scenario.drawing_files.svg import read_svg
 SQUARE = 0.02  # of the shorter side; how far a patch may be from a rectangle
 ROUND = 0.02  # relative; how much smaller than the circle round it a foot may be
 CENTRED = 0.01  # of the size of a foot: how far from its middle a point may be that marks its centre
+
+
+Keys = dict[str, Any]  # of a table
 
 
 def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -43,19 +48,12 @@ def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """
     if data.get("drawing") is None:
         return data
-    path = Path(folder) / str(data["drawing"])
     result = {key: value for key, value in data.items() if key not in ("drawing", "drawing_unit")}
     for key in ("outline", "length_mm", "width_mm"):
         if result.get(key) is not None:
             raise InputError("is given beside a drawing, must be one of them", key=f"plate.{key}")
-    account = Account(path)
-    try:
-        rings, points = _read(path, data.get("drawing_unit"), account)
-    except InputError:
-        raise
-    except Exception as error:  # the readers of damaged files, and what is made of them, raise what they like
-        raise account.refusal(f"is not a readable drawing ({type(error).__name__})") from error
-    edges = sorted(rings["outline"], key=lambda ring: -ring.area)
+    drawing = read_drawing(Path(folder) / str(data["drawing"]), data.get("drawing_unit"), "plate.drawing_unit")
+    rings, account, edges = drawing.rings, drawing.account, drawing.edges
     if not edges:
         raise account.refusal(
             f"has no closed ring in the layer outline, must be the plate's edge ({account.to_text()})"
@@ -70,61 +68,116 @@ def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     drawn_holes = [{"points_mm": _corners(hole)} for hole in holes]
     if isinstance(result.get("hole") or [], list | tuple):  # else the table's own check says what is wrong
         result["hole"] = [*(result.get("hole") or ()), *drawn_holes]
-    patches = sorted((_rectangle(ring, account) for ring in rings["patches"]), key=_order)
-    feet: list[dict[str, Any]] = [{"at_mm": list(point)} for point in _points_apart(points, rings["feet"], account)]
-    feet = sorted([*feet, *(_foot(ring, account) for ring in rings["feet"])], key=_order)
+    patches = sorted((_rectangle(ring, account) for ring in rings["patches"]), key=order)
+    feet: list[Keys] = [{"at_mm": list(point)} for point in _points_apart(drawing.points, rings["feet"], account)]
+    feet = sorted([*feet, *(_foot(ring, account) for ring in rings["feet"])], key=order)
+    for layer in ("fixtures", "outlets"):
+        account.ignore_layer(layer, layer)
     for key, layer, places in (("actuator", "patches", patches), ("support", "feet", feet)):
         tables = result.get(key) or []
         if not isinstance(tables, list | tuple):  # as above
             continue
-        if any(isinstance(table, dict) and "at_mm" not in table for table in tables):
-            result[key] = _placed(list(tables), places, key, layer, account)
+        lacking = [isinstance(table, dict) and "at_mm" not in table for table in tables]
+        if any(lacking):
+            result[key] = placed(tables, lacking, places, f"[[{key}]] without at_mm", layer, account)
         else:
             account.ignore_layer(layer, f"{layer} that no [[{key}]] takes")
     return result | {"drawing_account": account.to_text()}
 
 
-def _read(path: Path, unit: Any, account: Account) -> tuple[dict[str, list[Any]], list[tuple[float, float]]]:
-    """Rings of every layer as shapely's polygons, and points in the layer of feet [mm]."""
+class Drawing(NamedTuple):
+    """What counts in a drawing.
+
+    Attributes:
+        rings: of every layer, shapely's polygons [mm].
+        points: in the layer of feet [mm].
+        account: of its entities.
+    """
+
+    rings: dict[str, list[Any]]
+    points: list[tuple[float, float]]
+    account: Account
+
+    @property
+    def edges(self) -> list[Any]:
+        """The rings of the layer outline, the largest first."""
+        return sorted(self.rings["outline"], key=lambda ring: -ring.area)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Of the box around the outline [mm], from which a scene is measured; the origin without one."""
+        if not self.rings["outline"]:
+            return 0.0, 0.0
+        x0, y0, x1, y1 = self.edges[0].bounds
+        return 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+
+
+def read_drawing(path: Path, unit: Any, unit_key: str) -> Drawing:
+    """Read a drawing; its unit is for one that does not say it, `unit_key` names it in messages.
+
+    Raises:
+        InputError: it cannot be read, or holds what would be lost.
+    """
+    account = Account(path)
+    try:
+        return _read(path, unit, unit_key, account)
+    except InputError:
+        raise
+    except Exception as error:  # the readers of damaged files, and what is made of them, raise what they like
+        raise account.refusal(f"is not a readable drawing ({type(error).__name__})") from error
+
+
+def _read(path: Path, unit: Any, unit_key: str, account: Account) -> Drawing:
     if not path.is_file() or path.stat().st_size > MOST_BYTES:
         raise account.refusal(f"is no file of up to {MOST_BYTES // 1_000_000} MB, must be a DXF or SVG drawing")
     if unit is not None and (not isinstance(unit, str) or unit not in MM):
-        raise NotAllowed(unit, ", ".join(MM), key="plate.drawing_unit")
+        raise NotAllowed(unit, ", ".join(MM), key=unit_key)
     strokes: dict[str, list[Stroke]] = {layer: [] for layer in LAYERS}
     for stroke in (read_svg if path.suffix.lower() == ".svg" else read_dxf)(path, unit, account):
         strokes[stroke.layer].append(stroke)
     points = [(float(s.points[0, 0]), float(s.points[0, 1])) for s in strokes["feet"] if len(s.points) == 1]
     rings = {layer: rings_of(layer, of_layer, account) for layer, of_layer in strokes.items()}
-    for layer in ("patches", "feet"):
+    for layer in ("patches", "feet", "fixtures", "outlets"):
         check_apart(layer, rings[layer], account)
-    return rings, points
+    return Drawing(rings, points, account)
 
 
-def _placed(
-    tables: list[dict[str, Any]], places: Sequence[dict[str, Any]], key: str, layer: str, account: Account
-) -> list[dict[str, Any]]:
-    """The tables, those without a place with one from the drawing."""
-    unplaced = [table for table in tables if isinstance(table, dict) and "at_mm" not in table]
+def placed(
+    tables: Sequence[Any],
+    lacking: Sequence[bool],
+    places: Sequence[Keys],
+    what: str,
+    layer: str,
+    account: Account,
+    merge: Callable[[Keys, Keys], Keys] = Keys.__or__,
+) -> list[Any]:
+    """The tables, each that lacks a place with the next of a layer, or the only one with all; `what` they are called.
+
+    `merge` puts a table and a place together.
+
+    Raises:
+        InputError: there are more or fewer places.
+    """
+    unplaced = [table for table, lacks in zip(tables, lacking, strict=True) if lacks]
     if len(unplaced) == 1 and len(places) > 1:
         name = unplaced[0].get("name")
         names = [{} if name is None else {"name": f"{name}_{i + 1}"} for i in range(len(places))]
-        copies = [unplaced[0] | place | name_entry for place, name_entry in zip(places, names, strict=True)]
+        copies = [merge(unplaced[0], place) | name_entry for place, name_entry in zip(places, names, strict=True)]
         return [table for table in tables if table is not unplaced[0]] + copies
     if len(unplaced) != len(places):
         raise account.refusal(
-            f"has {len(places)} in the layer {layer}, must be as many as there are [[{key}]] without at_mm, "
-            f"{len(unplaced)}, or one [[{key}]] for all"
+            f"has {len(places)} in the layer {layer}, must be as many as there are {what}, {len(unplaced)}, "
+            "or one for all"
         )
     following = iter(places)
-    is_unplaced = [isinstance(table, dict) and "at_mm" not in table for table in tables]
-    return [table | next(following) if is_free else table for table, is_free in zip(tables, is_unplaced, strict=True)]
+    return [merge(table, next(following)) if lacks else table for table, lacks in zip(tables, lacking, strict=True)]
 
 
 def _corners(ring: Any) -> list[list[float]]:
     return [[x, y] for x, y in list(ring.exterior.coords)[:-1]]
 
 
-def _order(place: dict[str, Any]) -> tuple[float, float]:
+def order(place: Keys) -> tuple[float, float]:
     """From left to right, and from below up where that is the same but for round-off."""
     x, y = place["at_mm"]
     return round(x / JOIN) * JOIN, y

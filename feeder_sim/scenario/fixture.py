@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from feeder_sim.scenario.tables import AngleDeg, CoordinateMm, LengthMm, NonNegative, PointMm, Positive, Table
+from feeder_sim.scenario.tables import (
+    AngleDeg,
+    CoordinateMm,
+    DrawingUnit,
+    LengthMm,
+    NonNegative,
+    PointMm,
+    Positive,
+    Table,
+)
 
 MAX_FIXTURES = 100
 CONVEX = 1e-9  # of the area of an outline, by which its hull may be larger
@@ -57,7 +66,7 @@ class FixtureTable(Table):
             """Key that names the shape, a `Literal` of one text."""
 
     name: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9_-]+$")] | None = None
-    position_mm: PointMm | tuple[CoordinateMm, CoordinateMm, NonNegative] = (0.0, 0.0)
+    position_mm: Annotated[tuple[CoordinateMm, ...], Field(min_length=2, max_length=3)] = (0.0, 0.0)
     turn_deg: AngleDeg = 0.0
     restitution: Unit | None = None
     friction: NonNegative | None = None
@@ -66,6 +75,12 @@ class FixtureTable(Table):
     opens: Opening | None = None
     turns_per_minute: Number = 0.0
     axis: Literal["x", "y", "z"] = "z"
+
+    @model_validator(mode="after")
+    def _over_the_plate(self) -> Self:
+        if self.foot_mm[2] < 0.0:
+            raise ValueError(f"position_mm[2] is {self.foot_mm[2]:g}, must be at least 0: how high its lower end is")
+        return self
 
     @model_validator(mode="after")
     def _one_motion(self) -> Self:
@@ -151,24 +166,28 @@ class RampFixture(FixtureTable):
 
 
 class ExtrusionFixture(FixtureTable):
-    """An outline, seen from above, that is extruded upwards."""
+    """An outline, seen from above, that is extruded upwards; a `drawing` in place of the points is read before."""
 
-    sizes: ClassVar[str] = "points_mm, height_mm"
+    sizes: ClassVar[str] = "points_mm or drawing, height_mm"
     shape: Literal["extrusion"]
-    points_mm: Annotated[tuple[PointMm, ...], Field(min_length=3, max_length=200)]
+    points_mm: Annotated[tuple[PointMm, ...], Field(min_length=3, max_length=200)] | None = None
     height_mm: LengthMm
+    drawing: Path | None = None
+    drawing_unit: DrawingUnit | None = None
 
     @model_validator(mode="after")
     def _simple(self) -> Self:
         import shapely
 
+        if self.points_mm is None:
+            raise ValueError("points_mm is missing, must be the corners of an outline (or give drawing in a scenario)")
         outline = shapely.Polygon(self.points_mm)
         if not outline.is_valid or outline.area == 0.0:
             raise ValueError("points_mm crosses itself or has no area, must be the corners of an outline in order")
         return self
 
     def bodies(self) -> tuple[Corners, ...]:
-        return tuple(_prism(outline, self.height_mm) for outline in convex_parts(self.points_mm))
+        return tuple(_prism(outline, self.height_mm) for outline in convex_parts(self.points_mm or ()))
 
 
 class MeshFixture(FixtureTable):

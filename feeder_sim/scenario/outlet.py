@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from feeder_sim.scenario.tables import CoordinateMm, PointMm, Positive, Table
+from feeder_sim.scenario.tables import CoordinateMm, DrawingUnit, PointMm, Positive, Table
 
 MAX_OUTLETS = 20
 
@@ -22,6 +23,8 @@ class Outlet(Table):
     name: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9_-]+$")]
     outline_mm: Annotated[tuple[PointMm, ...], Field(min_length=3, max_length=200)] | None = None
     box_mm: tuple[PlaceMm, PlaceMm] | None = None
+    drawing: Path | None = None  # read before all else, and its outlines put here
+    drawing_unit: DrawingUnit | None = None
     jam_after_s: Positive | None = None
     up: Annotated[tuple[str, ...], Field(max_length=100)] = ()
     part: str | None = None
@@ -31,7 +34,7 @@ class Outlet(Table):
         import shapely
 
         if (self.outline_mm is None) == (self.box_mm is None):
-            raise ValueError("exactly one of outline_mm and box_mm is needed")
+            raise ValueError("exactly one of outline_mm, box_mm and drawing is needed")
         if self.box_mm is not None and not all(low < high for low, high in zip(*self.box_mm, strict=True)):
             raise ValueError("box_mm has a side without length, must be [[x0, y0, z0], [x1, y1, z1]] with x0 < x1, ...")
         if self.outline_mm is not None and not shapely.Polygon(self.outline_mm).is_valid:

@@ -14,6 +14,7 @@ from feeder_sim.scenario.material import CeramicName, MaterialChoice
 from feeder_sim.scenario.tables import (
     AngleDeg,
     CoordinateMm,
+    DrawingUnit,
     Flag,
     FrequencyHz,
     LengthMm,
@@ -21,6 +22,7 @@ from feeder_sim.scenario.tables import (
     PointMm,
     Positive,
     Table,
+    folder_of,
     parse,
     read_text,
 )
@@ -400,7 +402,7 @@ class PlateShape(Table):
     width_mm: LengthMm | None = None
     outline: Ring | None = None
     drawing: Path | None = None  # read before all else, and its tables put here
-    drawing_unit: Literal["mm", "cm", "m", "inch"] | None = None
+    drawing_unit: DrawingUnit | None = None
     drawing_account: str | None = None
     thickness_mm: LengthMm
     material: MaterialChoice = "aluminium"
@@ -434,11 +436,6 @@ class PlateBody(PlateShape):
 
     highest_frequency_hz: FrequencyHz
     uniform_width: Flag = False
-
-
-def _folder(info: ValidationInfo) -> Path:
-    """Where names of files start from."""
-    return Path((info.context or {}).get("folder", ""))
 
 
 class OnPlate(Table):
@@ -476,7 +473,7 @@ class PlateFile(OnPlate):
         if not isinstance(body, dict) or body.get("drawing") is None:
             return data
         on_plate = {key: value for key, value in data.items() if key != "plate"}
-        merged = with_drawing(body | on_plate, _folder(info))
+        merged = with_drawing(body | on_plate, folder_of(info))
         tables = {key: merged.pop(key) for key in OnPlate.model_fields if key in merged}
         return {"plate": merged} | tables
 
@@ -511,10 +508,10 @@ class BendingPlate(PlateShape, OnPlate):
     def _from_file(cls, data: Any, info: ValidationInfo) -> Any:
         """Put the keys of `file` before those that are given; relative to the folder of the scenario."""
         if isinstance(data, dict) and data.get("drawing") is not None:
-            data = with_drawing(data, _folder(info))
+            data = with_drawing(data, folder_of(info))
         if not isinstance(data, dict) or data.get("file") is None:
             return data
-        path = _folder(info) / str(data["file"])
+        path = folder_of(info) / str(data["file"])
         file = parse(read_text(path), PlateFile, path).model_dump(exclude_unset=True)
         body = {key: value for key, value in file.pop("plate").items() if key != "uniform_width"}
         if data.get("outline") is not None:

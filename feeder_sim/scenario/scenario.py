@@ -12,11 +12,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, model_validator
 
 from feeder_sim.errors import InputError, check_type, path_of_user
 from feeder_sim.example_files import scenario_path
 from feeder_sim.scenario.changes import changed_values, check_variable
+from feeder_sim.scenario.drawn_tables import with_drawn_tables
 from feeder_sim.scenario.fixture import MAX_FIXTURES, Fixture
 from feeder_sim.scenario.outlet import MAX_OUTLETS, Outlet
 from feeder_sim.scenario.part import Heap, Scattered, Slide, Tube
@@ -37,7 +38,7 @@ from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Pick, Refill, Robot, Schedule, Stage
 from feeder_sim.scenario.shapes import PartSpec
 from feeder_sim.scenario.shown import html_of, line_of
-from feeder_sim.scenario.tables import Table, parse, read_text, validated
+from feeder_sim.scenario.tables import Table, folder_of, parse, read_text, validated
 from feeder_sim.scenario.uncertain import Uncertain, with_draws
 
 # The files that a scenario reads: which they are, and the same scenario with other names for them.
@@ -127,6 +128,7 @@ class Scenario(Table):
     part: Annotated[tuple[PartSpec, ...], Field(min_length=1, max_length=100)]
     fixture: Annotated[tuple[Fixture, ...], Field(min_length=1, max_length=MAX_FIXTURES)] | None = None
     outlet: Annotated[tuple[Outlet, ...], Field(min_length=1, max_length=MAX_OUTLETS)] | None = None
+    drawing_account: str | None = None
     contact: Contact = Contact()
     mujoco: MujocoSettings = MujocoSettings()
     goal: Goal | None = None
@@ -236,6 +238,12 @@ class Scenario(Table):
         check_type(changes, Mapping, "a dictionary of values by key", "changed")
         raw = changed_values(self.model_dump(), changes, file)
         return _anchor_paths(validated(raw, Scenario, file), Path.cwd())
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_drawings(cls, data: Any, info: ValidationInfo) -> Any:
+        """Put fixtures and outlets of drawings in."""
+        return with_drawn_tables(data, folder_of(info))
 
     @model_validator(mode="after")
     def _keeps_the_rules(self) -> Self:

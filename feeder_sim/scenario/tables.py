@@ -11,10 +11,10 @@ import stat
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo
 
 from feeder_sim.errors import InputError, cause_of, nearest, quoted, shortened
 from feeder_sim.scenario.shown import differs
@@ -28,6 +28,7 @@ FrequencyHz = Annotated[float, Field(ge=0.1, le=1e7, allow_inf_nan=False, strict
 AngleDeg = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False, strict=True)]
 CoordinateMm = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, strict=True)]
 PointMm = tuple[CoordinateMm, CoordinateMm]
+DrawingUnit = Literal["mm", "cm", "m", "inch"]
 SpeedMmS = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, strict=True)]
 VelocityMmS = tuple[SpeedMmS, SpeedMmS, SpeedMmS]
 SpinRadS = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, strict=True)]
@@ -129,6 +130,11 @@ def document_in(text: str, file: Path) -> dict[str, Any]:
         raise InputError(f"holds lists or tables nested too deep, must be {DEEPEST} levels", file=file) from error
     _refuse_absurd(raw, file)
     return raw
+
+
+def folder_of(info: ValidationInfo) -> Path:
+    """Where names of files start from."""
+    return Path((info.context or {}).get("folder", ""))
 
 
 def validated(raw: dict[str, Any], table: type[T], file: Path) -> T:

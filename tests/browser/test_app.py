@@ -197,9 +197,15 @@ def test_a_drawing_is_dropped_and_markup_stays_text(server: tuple[str, Path]) ->
     address, folder = server
     with browser_page(width=1500, height=900) as (page, _):
         opened(page, address)
-        page.locator(".q-uploader input[type=file]").first.set_input_files(REPOSITORY / "docs/tutorial/l_plate.svg")
+        drawn = (REPOSITORY / "docs/tutorial/l_plate.svg").read_text(encoding="utf-8")
+        more = '<rect id="fixtures" x="20" y="20" width="4" height="30"/><circle id="outlets" cx="60" cy="20" r="5"/>'
+        (folder / "with_fence.svg").write_text(drawn.replace("</svg>", f"{more}</svg>"), encoding="utf-8")
+        page.locator(".q-uploader input[type=file]").first.set_input_files(folder / "with_fence.svg")
         page.wait_for_function("window.feederPlate.scene.things.filter((t) => t.kind === 'support').length === 3")
         page.wait_for_function("window.feederPlate.scene.holes.length === 2 && window.feederPlate.scene.width === 160")
+        page.wait_for_function(
+            "window.feederPlate.scene.fixtures.length * window.feederPlate.scene.outlets.length === 1"
+        )
         tab(page, "TOML")
         page.locator(".cm-content").focus()
         page.keyboard.press("Control+a")

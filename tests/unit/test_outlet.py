@@ -38,8 +38,8 @@ def read(changes: dict[str, Any]) -> Scenario:
     [
         ({"outlet[0].name": "b"}, 'outlet[1].name is "b", must be a name of its own'),
         ({"outlet[0].name": "a b"}, "outlet[0].name: is 'a b'"),
-        ({"outlet[0].box_mm": BOX}, "outlet[0]: exactly one of outline_mm and box_mm is needed"),
-        ({"outlet[0].outline_mm": None}, "outlet[0]: exactly one of outline_mm and box_mm is needed"),
+        ({"outlet[0].box_mm": BOX}, "outlet[0]: exactly one of outline_mm, box_mm and drawing is needed"),
+        ({"outlet[0].outline_mm": None}, "outlet[0]: exactly one of outline_mm, box_mm and drawing is needed"),
         ({"outlet[0].outline_mm": SQUARE[:2]}, "[[0.0, 0.0], [10.0, 0.0]], must be a list with at least 3"),
         (
             {"outlet[0].outline_mm": [SQUARE[k] for k in (0, 2, 1, 3)]},

@@ -25,8 +25,11 @@ MOST_ENTITIES = 20_000  # with those that inserts repeat; plates have some hundr
 MOST_POINTS = 200_000  # of all strokes together
 MOST_BYTES = 4_000_000  # a larger file takes longer than anyone waits for a message
 MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # units of `drawing_unit`
-LAYERS = ("outline", "holes", "patches", "feet")
-MISSPELT = re.compile(r"(?:outlines?|holes?|patch(?:es)?|foot|feet)[\W\d_]*", re.IGNORECASE)
+LAYERS = ("outline", "holes", "patches", "feet", "fixtures", "outlets")
+# With a group for each of the layers, in their order.
+MISSPELT = re.compile(
+    r"(?:(outlines?)|(holes?)|(patch(?:es)?)|(foot|feet)|(fixtures?)|(outlets?))[\W\d_]*", re.IGNORECASE
+)
 ALIKE = 0.8  # as difflib counts: names this near to that of a layer are taken for misspelt
 LONGEST_NAME, MOST_LETTERS = 40, 400  # of a name that may be misspelt, and of one that is looked at
 ROUND = 1e-3  # sagitta over radius, at most: so that small circles have their area within 0.2 %
@@ -181,9 +184,10 @@ def misspelt(name: str) -> str | None:
     if begins or len(bare) > LONGEST_NAME:
         return begins
     near = difflib.get_close_matches(bare, LAYERS, n=1, cutoff=ALIKE)
-    if near or not MISSPELT.fullmatch(bare):
-        return near[0] if near else None
-    return next(layer for layer in LAYERS if layer[:2] == bare[:2] or (layer, bare[:2]) == ("feet", "fo"))
+    if near:
+        return near[0]
+    match = MISSPELT.fullmatch(bare)
+    return LAYERS[(match.lastindex or 1) - 1] if match else None
 
 
 def _bare(name: str) -> str:
