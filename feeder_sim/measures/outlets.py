@@ -24,10 +24,18 @@ from feeder_sim.scene.scene import Scene
 
 
 @dataclass(frozen=True, repr=False)
-class OutletCounts(FindingsBase):
-    """Of one outlet, over the seeds; attributes as of `OutletFindings`."""
+class Throughput(FindingsBase):
+    """Of some outlets together, over the seeds that ran to their end.
 
-    outlet: str
+    Attributes:
+        parts_through: parts that went through.
+        throughput_per_min: of them per minute of the seed.
+        first_through_s: when the first one did [s].
+        right_share: share of them of the kind and with the side up that their outlet wants [1]; of outlets that say so.
+        jams: spans of `jam_after_s` or more without any part through while parts are there; of outlets that say so.
+        first_jam_s: when the first of these was as long [s].
+    """
+
     parts_through: Statistic
     throughput_per_min: Statistic
     first_through_s: Statistic
@@ -37,25 +45,16 @@ class OutletCounts(FindingsBase):
 
 
 @dataclass(frozen=True, repr=False)
-class OutletFindings(FindingsBase):
-    """Of all outlets together, over the seeds that ran to their end.
+class OutletCounts(Throughput):
+    """Of one outlet, by its name."""
 
-    Attributes:
-        parts_through: parts that went through.
-        throughput_per_min: of them per minute of the seed.
-        first_through_s: when the first one did [s].
-        right_share: share of them of the kind and with the side up that their outlet wants [1]; of outlets that say so.
-        jams: spans of `jam_after_s` or more without any part through while parts are there; of outlets that say so.
-        first_jam_s: when the first of these was as long [s].
-        outlets: the same of each outlet.
-    """
+    outlet: str
 
-    parts_through: Statistic
-    throughput_per_min: Statistic
-    first_through_s: Statistic
-    right_share: Statistic
-    jams: Statistic
-    first_jam_s: Statistic
+
+@dataclass(frozen=True, repr=False)
+class OutletFindings(Throughput):
+    """Of all outlets together; `outlets` are the same of each."""
+
     outlets: tuple[OutletCounts, ...]
 
 
@@ -93,7 +92,7 @@ class Outlets(Measure[OutletFindings, SeedOutlets]):
     def findings(self, prepared: Prepared, readings: Sequence[SeedOutlets]) -> OutletFindings:
         watched = [table.jam_after_s is not None for table in prepared.scenario.outlets]
         each = (
-            OutletCounts(table.name, **_counts(readings, slice(i, i + 1), is_watched))
+            OutletCounts(**_counts(readings, slice(i, i + 1), is_watched), outlet=table.name)
             for i, (table, is_watched) in enumerate(zip(prepared.scenario.outlets, watched, strict=True))
         )
         return OutletFindings(**_counts(readings, slice(None), any(watched)), outlets=tuple(each))
@@ -105,7 +104,7 @@ class Outlets(Measure[OutletFindings, SeedOutlets]):
         return [*lines, labelled("all outlets", _line(findings))] if len(lines) > 1 else lines
 
 
-def _line(counts: OutletCounts | OutletFindings) -> str:
+def _line(counts: Throughput) -> str:
     rate = counts.throughput_per_min
     interval = f" +- {rate.se:.1f} (SE)" if rate.n > 1 else ""
     text = f"{counts.parts_through.mean:.1f} parts, {rate.mean:.1f}{interval} per minute"
@@ -127,6 +126,12 @@ def _read(scene: Scene, seed: Seed) -> SeedOutlets:
         right.append(np.array([is_right(scene, table, frames.quaternion[row])[part] for row, part in rows], bool))
         jams.append(jam_times(frames, times[-1], table.jam_after_s or math.inf))
     return SeedOutlets(float(frames.time[-1]), tuple(times), tuple(right), tuple(jams))
+
+
+def first_jam(scene: Scene, seed: Seed) -> tuple[float, str] | None:
+    """When the first outlet of a seed jammed [s], and its name; None where none did."""
+    jams = zip(_read(scene, seed).jams, scene.scenario.outlets, strict=True)
+    return min(((float(times[0]), table.name) for times, table in jams if len(times)), default=None)
 
 
 def jam_times(frames: Frames, through: NDArray[np.float64], after: float) -> NDArray[np.float64]:

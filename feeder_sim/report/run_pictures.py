@@ -15,6 +15,7 @@ from feeder_sim.document.figure import UM, WIDTH, Figure, picture_from
 from feeder_sim.document.player import Player
 from feeder_sim.document.words import number
 from feeder_sim.errors import FeederSimError
+from feeder_sim.measures.outlets import first_jam
 from feeder_sim.plots.plate_top import (
     close_up,
     draw_parts,
@@ -127,12 +128,15 @@ def _paths(run: RecordedRun) -> Figure:
 
 
 def _moments(run: RecordedRun) -> Figure:
-    """Parts of the first seed that was recorded, at its start and at the ends of some stages."""
+    """Parts of the first seed that was recorded, at its start, its first jam, and the ends of some stages."""
     scenario, recording = run.result.scene.scenario, run.recording
     seed = next(i for i, frames in enumerate(recording.seeds) if len(frames) > 1)
     record = recording.records[seed]
     frames, plate = record.frames, recording.plate
     moments = _selected_moments(run.result.scene.stages(record.stops.tolist()), frames, run.result.scene.frame_interval)
+    if (jam := first_jam(run.result.scene, record)) is not None:
+        moments.append((f"jam of {jam[1]}, {jam[0]:.4g} s", frames.row_at(jam[0]), None))
+        moments.sort(key=lambda moment: moment[1])
     colours = colours_of(scenario, None, recording.parts)
     all_parts = list(range(len(recording.parts)))
     columns = 2

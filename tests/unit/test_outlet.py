@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import refusal, resting, toml_of
+from matplotlib.figure import Figure
 
 import feeder_sim
 from feeder_sim import prepare
@@ -15,6 +16,8 @@ from feeder_sim.measures.catalogue import values_of_seed
 from feeder_sim.measures.outlets import jam_times
 from feeder_sim.records.recording import PlateRecord
 from feeder_sim.records.trajectory import Frames
+from feeder_sim.report.run_pictures import parts_picture
+from feeder_sim.run.recorded_run import RecordedRun
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.outlet import build_outlets, outlet_numbers
 
@@ -120,3 +123,15 @@ def test_a_run_folder_has_outlets_what_went_through_and_its_numbers(tmp_path: Pa
     assert opened.seeds[0].removals.outlet.tolist() == [0]
     assert values_of_seed(opened.prepared, opened.seeds[0])["outlets[a].parts_through"] == 1.0
     assert list((tmp_path / "run").glob("*.rrd"))
+
+
+def test_the_report_shows_the_parts_as_they_first_jam(tmp_path: Path) -> None:
+    blocks = [SCENARIO["part"][0] | {"count": 2, "start": {"kind": "scattered"}}]
+    aside = [[80.0 + x, 30.0 + y] for x, y in SQUARE]
+    changes = {"part": blocks, "outlet": [{"name": "exit", "outline_mm": aside, "jam_after_s": 0.2}]}
+    feeder_sim.record_run(read(changes), tmp_path / "run", replay=False)
+    picture, figure = parts_picture(RecordedRun.open(tmp_path / "run")), Figure()
+    assert picture is not None
+    picture.draw(figure)
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[:3] == ["start", "jam of exit, 0.2 s", "end of the record, 0.5 s"]
