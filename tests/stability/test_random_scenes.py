@@ -52,7 +52,8 @@ def test_parts_between_random_walls_stay_out_of_them(kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed"), [("standing", 0), ("standing", 7), ("standing", 36), ("gates", 12), ("gates", 105)]
+    ("kind", "seed"),
+    [("standing", 0), ("standing", 7), ("standing", 36), *(("gates", seed) for seed in (12, 23, 101, 105))],
 )
 def test_what_was_wrong_beside_fixtures_is_right(kind: str, seed: int) -> None:
     finding = judged_fixtures.judged(kind, seed)
@@ -61,7 +62,7 @@ def test_what_was_wrong_beside_fixtures_is_right(kind: str, seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["standing", "moved"])
+@pytest.mark.parametrize("kind", judged_fixtures.KINDS)
 def test_parts_among_random_fixtures_stay_out_of_them(kind: str) -> None:
     for seed in range(2 * MANY):
         finding = judged_fixtures.judged(kind, seed)

@@ -16,6 +16,7 @@ import numpy as np
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.state import FREE, flies, fly_to, turning_acceleration, turning_speed
+from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.machine_code import compiled, inlined, uncounted
 
 ROUND_OFF = 1e-7  # [m]; more than the library's tolerance
@@ -103,6 +104,8 @@ def bound_of_hulls(pair, parts, kinds, t, bounds, forced):
         _crossing_time(b, kind_b, piece_b, kinds, axis, -1.0, bottom, (-drift - forced[3], room, fall + forced[1])),
     )
     speed = _relative_speed(a, kind_a, b, kind_b)
+    if not flies_b:  # what stands has no angular momentum but a rate at which it turns
+        speed += kind_b.reach * math.sqrt(dot(b.momentum, b.momentum))
     shortest = min(max(bounds.step, SLACK / speed), forced[4] / speed)
     if gap < -DEEP:  # pushed into each other by what lies beside them
         wait, shortest = 0.0, PUSHED * shortest
