@@ -56,15 +56,17 @@ def fixture_entries(view: SeedView) -> Iterator[Entry]:
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         vertices, triangles = MM * corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3)
-        yield f"fixtures/{fixture.name}", Mesh(vertices, triangles, FIXTURE, normals=np.repeat(normals, 3, axis=0)), {}
+        entity, normals = f"fixtures/{fixture.name}", np.repeat(normals, 3, axis=0)
         if (path := path_of(tables[fixture.name], view.times.stages)) is None:
-            continue
-        for time in np.arange(0.0, view.last, FIXTURE_S):
-            shift, angle = path.at(float(time))
+            yield entity, Mesh(vertices, triangles, FIXTURE, normals=normals), {}
+            continue  # what is logged without a time hides all that is logged with one
+        looks = [(t, {TIMELINE: t}) for t in np.arange(0.0, view.last, FIXTURE_S).tolist()]
+        looks += [(float(view.slow_times(stage)[-1]), {SLOW: begin}) for begin, stage in view.slow_stages]
+        for time, moment in looks:
+            shift, angle = path.at(time)
             turn = Rotation.from_rotvec(angle * fixture.axis)
             place = MM * (fixture.centre + shift + turn.apply(corners.reshape(-1, 3) - fixture.centre))
-            moved = Mesh(place, triangles, FIXTURE, normals=turn.apply(np.repeat(normals, 3, axis=0)))
-            yield f"fixtures/{fixture.name}", moved, {TIMELINE: float(time)}
+            yield entity, Mesh(place, triangles, FIXTURE, normals=turn.apply(normals)), moment
 
 
 def outlet_entries(view: SeedView) -> Iterator[Entry]:

@@ -19,9 +19,10 @@ from feeder_sim.replay.build import scene_box
 from feeder_sim.replay.colours import colours_of, default_colour, kind_names
 from feeder_sim.replay.labels import bar_length, legend_places, stage_texts
 from feeder_sim.replay.layout import FIELD_OF_VIEW, Eye, axes_of, framing, scene_aspect, scene_eye
+from feeder_sim.replay.plate import fixture_entries
 from feeder_sim.replay.replay import build_replay
 from feeder_sim.replay.rerun_file import LIGHT, rerun_content
-from feeder_sim.replay.scenery import Box, Mesh, Parts, Scenery
+from feeder_sim.replay.scenery import SLOW, TIMELINE, Box, Mesh, Parts, Scenery
 from feeder_sim.replay.seed_view import SeedView
 from feeder_sim.replay.video import film_of
 from feeder_sim.run.run_folder import record_run
@@ -38,6 +39,7 @@ from feeder_sim.scenario import (
     Stage,
     parse_scenario,
 )
+from feeder_sim.scenario.fixture import BoxFixture
 from feeder_sim.scene.timetable import timetable
 
 SMALL_MM, LARGE_MM = 3.0, 6.0
@@ -247,3 +249,29 @@ def test_film_takes_the_record_in_twenty_seconds_or_what_is_asked_for(run: Path,
 )
 def test_films_that_cannot_be_are_refused(run: Path, values: dict[str, Any], message: str) -> None:
     assert message in refusal(film_of, run, **({"begin": None, "end": None} | values))
+
+
+def test_a_brush_turns_in_the_replay_and_a_wall_stands(tmp_path: Path) -> None:
+    """What is logged without a time would hide where the brush is later; slow motion shows it, too."""
+    wall = BoxFixture(shape="box", size_mm=(2.0, 20.0, 5.0), position_mm=(25.0, 0.0), name="wall")
+    brush = BoxFixture(
+        shape="box", size_mm=(2.0, 20.0, 5.0), position_mm=(-20.0, 0.0), turns_per_minute=150.0, name="brush"
+    )
+    stage = Stage(name="shake", drive=(Excitation(frequency_hz=50.0, amplitude_um=20.0),), duration_s=0.1, pause_s=0.1)
+    scenario = Scenario(
+        plate=RigidPlate(kind="piston", length_mm=60.0, width_mm=40.0),
+        schedule=Schedule(stage=(stage,)),
+        part=(Ball(shape="ball", diameter_mm=3.0, count=2, start=Scattered(kind="scattered", size_mm=(20.0, 30.0))),),
+        fixture=(wall, brush),
+        run=Run(seeds=1, frames_per_second=100.0),
+    )
+    record_run(scenario, tmp_path / "run", replay=False)
+    logged: dict[str, list[tuple[Any, Any]]] = {"fixtures/wall": [], "fixtures/brush": []}
+    for entity, mesh, moment in fixture_entries(SeedView(read_recording(tmp_path / "run"), 0)):
+        logged[entity].append((mesh, moment))
+    assert [moment for _, moment in logged["fixtures/wall"]] == [{}]
+    by_moment = {tuple(moment): mesh for mesh, moment in logged["fixtures/brush"] if moment.get(TIMELINE, 0.1) == 0.1}
+    assert set(by_moment) == {(TIMELINE,), (SLOW,)}
+    for mesh in by_moment.values():  # a quarter of a turn later it lies along x
+        assert np.ptp(mesh.vertices, axis=0) == pytest.approx([20.0, 2.0, 5.0], abs=0.7)
+    assert all(moment for _, moment in logged["fixtures/brush"])
