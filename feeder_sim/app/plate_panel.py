@@ -189,7 +189,7 @@ class PlatePanel:
         await self.page.step(lambda: draft.add(f"plate.{kind}", entry))
 
     async def dropped(self, event: events.UploadEventArguments) -> None:
-        """A drawing takes the place of the outline, what else is drawn that of those there are."""
+        """A drawing replaces outline, holes, patches and feet, and fixtures and outlets where it has any."""
         name, draft = await self.page.put_in(event), self.page.draft
         if name is None or not self.described():
             return
